@@ -21,7 +21,14 @@ constexpr double kLogStep = 1e-4;                // of a logarithm: well above t
 constexpr double kPathShare = 0.1;               // of the noise: where the path is made closer
 constexpr double kLeastDistance_nm = 0.05;       // z0 that a scene takes
 constexpr double kGreatestDistance_nm = 2.0;
+constexpr double kLeastRadius_nm = 1.0;
+constexpr double kGreatestRadius_nm = 1e4;
+constexpr double kLeastHumidity = 1.0;  // %
+constexpr double kGreatestHumidity = 98.9;
+constexpr double kLeastFilm_nm = 0.01;
+constexpr double kGreatestFilm_nm = 100.0;
 constexpr int kOffsets = 4;  // approach, retract, their tilts
+constexpr int kLeaps = 3;  // their places are the last residuals: approach, the bridge's step there, retract
 
 using Vector = Eigen::VectorXd;
 using Matrix = Eigen::MatrixXd;
@@ -37,6 +44,8 @@ struct Layout {
   int radius = -1;
   int distance = -1;
   int hamaker = -1;
+  int humidity = -1;
+  int film = -1;
   int shift = -1;
   int touch = 0;
   int offsets = 0;
@@ -51,6 +60,8 @@ Layout layout_of(const FitSetup& setup) {
   if (setup.fit_radius) layout.radius = n++;
   if (setup.fit_distance) layout.distance = n++;
   if (setup.fit_hamaker && layout.work >= 0) layout.hamaker = n++;
+  if (setup.fit_humidity) layout.humidity = n++;
+  if (setup.fit_film) layout.film = n++;
   layout.laws = n;
   layout.touch = n++;
   if (setup.fit_shift) layout.shift = n++;
@@ -73,7 +84,7 @@ class Problem {
     from_nm_ = curve.touch_z_nm - top - margin;
     to_nm_ = curve.touch_z_nm - low + margin;
     tolerance_nn_ = kPathShare * std::sqrt(curve.noise.white) / setup.compliance_nm_nn;
-    rows_ = static_cast<Eigen::Index>(z.size() + back.size() + 2);
+    rows_ = static_cast<Eigen::Index>(z.size() + back.size()) + kLeaps;
     for (const PreparedSegment* segment : {&curve.approach, &curve.retract}) {
       for (const double slope : segment->slope) {
         const double of_z = curve.z_noise_nm * slope;
@@ -103,6 +114,9 @@ class Problem {
       const double hamaker = at_.hamaker >= 0 ? det_exp(p[at_.hamaker]) : *setup_.hamaker_aj;
       law.equilibrium_distance_nm = physics::VanDerWaals::cut_off_nm(hamaker, law.work_of_adhesion_n_m);
     }
+    physics::CapillaryParameters& water = law.long_range.capillary;
+    if (at_.humidity >= 0) water.humidity_percent = det_exp(p[at_.humidity]);
+    if (at_.film >= 0) water.film_nm = det_exp(p[at_.film]);
     return law;
   }
 
@@ -120,8 +134,11 @@ class Problem {
       p[at_.work] = std::clamp(p[at_.work], hamaker - most, hamaker - least);
     }
   }
-  /// z0 has come to an end of that: an interval that goes so far is open.
-  bool at_end_of_distance(const Vector& p) const {
+  /// z0 or R has come to an end of what a scene takes: an interval that goes so far is open, whichever it is of.
+  bool at_end_of_others(const Vector& p) const {
+    if (at_.radius >= 0 && (p[at_.radius] < det_log(1.001 * kLeastRadius_nm) ||
+                            p[at_.radius] > det_log(0.999 * kGreatestRadius_nm)))
+      return true;
     if (at_.hamaker < 0) return false;
     const double distance = law(p).equilibrium_distance_nm;
     return distance < 1.001 * kLeastDistance_nm || distance > 0.999 * kGreatestDistance_nm;
@@ -148,21 +165,36 @@ class Problem {
            p[at_.offsets + (approach ? 2 : 3)] * (z_nm - curve_.z_middle_nm);
   }
 
-  /// Which points lie on the same side of the leap in curve and model.
+  /// A leap of the curve, and which one of the model it is.
+  struct Match {
+    bool approach = true;
+    const std::optional<Leap>& leap;
+    const std::optional<double>& model_x_nm;
+    double model_nn = 0;
+  };
+  std::array<Match, kLeaps> matches(const CurvePath& way) const {
+    const PathSegment& in = way.approach;
+    const PathSegment& out = way.retract;
+    const bool two = curve_.approach.step.has_value();
+    return {Match{true, curve_.approach.leap, two ? in.dry_leap_x_nm : in.leap_x_nm,
+                  two ? in.dry_leap_nn : in.leap_nn},
+            Match{true, curve_.approach.step, in.bridge_x_nm, in.bridge_nn},
+            Match{false, curve_.retract.leap, out.leap_x_nm, out.leap_nn}};
+  }
+
+  /// Which points lie on the same side of each leap in curve and model.
   void mask(const Vector& p, std::vector<char>& used) {
-    const CurvePath& way = path(p);
     used.assign(static_cast<std::size_t>(rows_), 1);
-    std::size_t row = 0;
-    for (const bool approach : {true, false}) {
-      const PreparedSegment& segment = approach ? curve_.approach : curve_.retract;
-      const PathSegment& model = approach ? way.approach : way.retract;
-      for (std::size_t i = 0; i < segment.z_nm.size(); ++i, ++row) {
-        if (!segment.leap) continue;
-        if (i > segment.leap->before && i < segment.leap->after) used[row] = 0;
-        if (!model.leap_x_nm) continue;
-        const double x = overlap_nm(p, approach, segment.z_nm[i]);
-        const bool model_after = approach ? x >= *model.leap_x_nm : x <= *model.leap_x_nm;
-        if (model_after != (i >= segment.leap->after)) used[row] = 0;
+    for (const Match& match : matches(path(p))) {
+      if (!match.leap) continue;
+      const std::vector<double>& z = (match.approach ? curve_.approach : curve_.retract).z_nm;
+      std::size_t row = match.approach ? 0 : curve_.approach.z_nm.size();
+      for (std::size_t i = 0; i < z.size(); ++i, ++row) {
+        if (i > match.leap->before && i < match.leap->after) used[row] = 0;
+        if (!match.model_x_nm) continue;
+        const double x = overlap_nm(p, match.approach, z[i]);
+        const bool model_after = match.approach ? x >= *match.model_x_nm : x <= *match.model_x_nm;
+        if (model_after != (i >= match.leap->after)) used[row] = 0;
       }
     }
   }
@@ -182,7 +214,7 @@ class Problem {
               const std::vector<char>& used, Vector& out) {
     if (!whitener_ || used != whitened_) {
       whitened_ = used;
-      std::vector<char> points(used.begin(), used.end() - 2);
+      std::vector<char> points(used.begin(), used.end() - kLeaps);
       whitener_.emplace(curve_.noise, more_, points);
     }
     series_.assign(approach.begin(), approach.end());
@@ -202,15 +234,14 @@ class Problem {
       for (std::size_t i = 0; i < r.size(); ++i) r[i] = segment.deflection_nm[i] - r[i];
     }
     whiten(work_[0], work_[1], used, out);
-    for (const bool approach : {true, false}) {
-      const PreparedSegment& segment = approach ? curve_.approach : curve_.retract;
-      const PathSegment& model = approach ? way.approach : way.retract;
-      double& last = out[rows_ - (approach ? 2 : 1)];
+    Eigen::Index row = rows_ - kLeaps;
+    for (const Match& match : matches(way)) {
+      double& last = out[row++];
       last = 0;
-      if (!segment.leap) continue;
+      if (!match.leap) continue;
       last = kLostLeap;
-      if (model.leap_x_nm && setup_.compliance_nm_nn * model.leap_nn > 3.0 * curve_.noise_nm)
-        last = (overlap_nm(p, approach, segment.leap->z_nm) - *model.leap_x_nm) / segment.leap->sigma_nm;
+      if (match.model_x_nm && setup_.compliance_nm_nn * match.model_nn > 3.0 * curve_.noise_nm)
+        last = (overlap_nm(p, match.approach, match.leap->z_nm) - *match.model_x_nm) / match.leap->sigma_nm;
     }
     return out.allFinite();
   }
@@ -237,7 +268,7 @@ class Problem {
 /// their sides.
 Vector weights_of(const Vector& r) {
   Vector weight = Vector::Ones(r.size());
-  for (Eigen::Index i = 0; i + 2 < r.size(); ++i)
+  for (Eigen::Index i = 0; i + kLeaps < r.size(); ++i)
     if (std::abs(r[i]) > kHuber) weight[i] = kHuber / std::abs(r[i]);
   return weight;
 }
@@ -245,11 +276,11 @@ Vector weights_of(const Vector& r) {
 /// A point that is left out costs what a fitted one does on average: leaving out must not pay.
 double cost_of(const Vector& r, const std::vector<char>& used) {
   double cost = 0.5 * static_cast<double>(std::count(used.begin(), used.end(), 0));
-  for (Eigen::Index i = 0; i + 2 < r.size(); ++i) {
+  for (Eigen::Index i = 0; i + kLeaps < r.size(); ++i) {
     const double size = std::abs(r[i]);
     cost += size <= kHuber ? 0.5 * size * size : kHuber * (size - 0.5 * kHuber);
   }
-  return cost + 0.5 * r.tail(2).squaredNorm();
+  return cost + 0.5 * r.tail(kLeaps).squaredNorm();
 }
 
 struct Bounds {
@@ -340,7 +371,7 @@ class Search {
     return found;
   }
 
-  bool at_end_of_distance(const Vector& p) const { return problem_.at_end_of_distance(p); }
+  bool at_end_of_others(const Vector& p) const { return problem_.at_end_of_others(p); }
   const std::vector<char>& used() const { return used_; }
   const Vector& residual() const { return residual_; }
   const Bounds& bounds() const { return bounds_; }
@@ -367,7 +398,7 @@ std::optional<double> profile_end(Search& search, const Found& best, int i, doub
     Vector q = p;
     q[i] = best.p[i] + way * distance;
     const Found found = search.descend(q, 12, i);
-    if (search.at_end_of_distance(found.p)) return std::nullopt;
+    if (search.at_end_of_others(found.p)) return std::nullopt;
     const double risen = found.good ? std::max(found.cost - best.cost, 0.0) : 1e9;
     if (risen >= rise) {
       // Between the two, the root of the rise is nearly a line.
@@ -397,8 +428,25 @@ std::optional<double> profile_end(Search& search, const Found& best, int i, doub
     // What the rise so far promises, but at most thrice as far.
     const double promised = risen > 0 ? distance * std::sqrt(rise / risen) * 1.1 - distance : 2.0 * distance;
     step = std::clamp(promised, 0.1 * distance, 2.0 * distance);
+    // Flat: the curve may have nothing to say, and the way to the limit is long.
+    if (risen < 1e-3 * rise) step = std::max(step, 0.3);
   }
   return std::nullopt;
+}
+
+/// Those of `modes` that are inside of `rise` above the best, each at other laws than the ones before.
+std::vector<Found> apart(std::vector<Found> modes, const Found& best, int laws, double rise) {
+  std::sort(modes.begin(), modes.end(), [](const Found& a, const Found& b) { return a.cost < b.cost; });
+  std::vector<Found> valleys;
+  const auto same = [&](const Found& a, const Found& b) {
+    return (a.p.head(laws) - b.p.head(laws)).cwiseAbs().maxCoeff() < 0.01;
+  };
+  for (const Found& mode : modes) {
+    if (mode.cost - best.cost >= rise || same(mode, best)) continue;
+    if (std::any_of(valleys.begin(), valleys.end(), [&](const Found& v) { return same(v, mode); })) continue;
+    valleys.push_back(mode);
+  }
+  return valleys;
 }
 
 std::string number(double value, int digits = 3) {
@@ -406,6 +454,48 @@ std::string number(double value, int digits = 3) {
   text.precision(digits);
   text << value;
   return text.str();
+}
+
+/// Of the logarithms of `shown` the combination that the curve tells best, whatever the others are: the direction
+/// of the most information after touch and baselines have taken theirs.
+std::string best_known(const Matrix& normal, const std::vector<int>& shown,
+                       const std::vector<Estimate>& names, double reduced) {
+  const auto n = static_cast<Eigen::Index>(shown.size());
+  std::vector<Eigen::Index> rest;
+  for (Eigen::Index i = 0; i < normal.rows(); ++i)
+    if (std::find(shown.begin(), shown.end(), static_cast<int>(i)) == shown.end()) rest.push_back(i);
+  const auto m = static_cast<Eigen::Index>(rest.size());
+  Matrix own(n, n);
+  Matrix with(m, n);
+  Matrix theirs(m, m);
+  for (Eigen::Index a = 0; a < n; ++a) {
+    for (Eigen::Index b = 0; b < n; ++b)
+      own(a, b) = normal(shown[static_cast<std::size_t>(a)], shown[static_cast<std::size_t>(b)]);
+    for (Eigen::Index b = 0; b < m; ++b)
+      with(b, a) = normal(rest[static_cast<std::size_t>(b)], shown[static_cast<std::size_t>(a)]);
+  }
+  for (Eigen::Index a = 0; a < m; ++a)
+    for (Eigen::Index b = 0; b < m; ++b)
+      theirs(a, b) = normal(rest[static_cast<std::size_t>(a)], rest[static_cast<std::size_t>(b)]);
+  const Vector scale = theirs.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+  const Matrix scaled = scale.asDiagonal() * theirs * scale.asDiagonal();
+  const Matrix left = scale.asDiagonal() * with;
+  const Matrix information = own - left.transpose() * scaled.completeOrthogonalDecomposition().solve(left);
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(information);
+  if (solver.info() != Eigen::Success || !(solver.eigenvalues()[n - 1] > 0)) return {};
+  Vector direction = solver.eigenvectors().col(n - 1);
+  Eigen::Index largest = 0;
+  direction.cwiseAbs().maxCoeff(&largest);
+  const double factor = direction[largest];
+  direction /= factor;
+  const double error = std::sqrt(std::max(reduced, 1.0) / solver.eigenvalues()[n - 1]) / std::abs(factor);
+  std::string text;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (std::abs(direction[i]) < 0.02) continue;
+    text += (text.empty() ? "" : " ") + names[static_cast<std::size_t>(i)].name;
+    if (i != largest) text += "^" + number(direction[i], 2);
+  }
+  return text + " is known to +- " + number(196.0 * error, 2) + " %";
 }
 
 struct Start {
@@ -436,6 +526,48 @@ std::vector<Start> starts_of(const PreparedCurve& curve, const FitSetup& setup, 
     start.modulus_gpa =
         std::clamp(start.modulus_gpa, setup.modulus_min_gpa * 1.01, setup.modulus_max_gpa * 0.99);
   return starts;
+}
+
+/// What a polynomial of degree 8 through the contact of each way leaves, with no physics in it: rms, 0 where there are
+/// too few points. A smooth law that leaves less does not exist, whatever its parameters.
+double smooth_floor_nm(const PreparedCurve& curve) {
+  constexpr Eigen::Index kTerms = 9;
+  double squares = 0;
+  double freedom = 0;
+  for (const PreparedSegment* segment : {&curve.approach, &curve.retract}) {
+    const bool in = segment == &curve.approach;
+    const std::size_t n = segment->z_nm.size();
+    std::size_t begin = 0;
+    std::size_t end = n;
+    if (segment->leap) {
+      (in ? begin : end) = in ? segment->leap->after : segment->leap->before + 1;
+    } else {
+      while (in && begin < n && segment->z_nm[begin] > curve.touch_z_nm) ++begin;
+      while (!in && end > 0 && segment->z_nm[end - 1] > curve.touch_z_nm) --end;
+    }
+    if (end < begin + 40) continue;
+    const auto [low, high] =
+        std::minmax_element(segment->z_nm.begin() + static_cast<std::ptrdiff_t>(begin),
+                            segment->z_nm.begin() + static_cast<std::ptrdiff_t>(end));
+    const double middle = 0.5 * (*low + *high);
+    const double half = std::max(0.5 * (*high - *low), 1e-9);
+    const auto points = static_cast<Eigen::Index>(end - begin);
+    Matrix design(points, kTerms);
+    Vector measured(points);
+    for (Eigen::Index i = 0; i < points; ++i) {
+      const std::size_t at = begin + static_cast<std::size_t>(i);
+      const double t = (segment->z_nm[at] - middle) / half;
+      // Chebyshev's, by their recursion.
+      design(i, 0) = 1;
+      design(i, 1) = t;
+      for (Eigen::Index k = 2; k < kTerms; ++k) design(i, k) = 2 * t * design(i, k - 1) - design(i, k - 2);
+      measured[i] = segment->deflection_nm[at];
+    }
+    const Vector left = measured - design * design.colPivHouseholderQr().solve(measured);
+    squares += left.squaredNorm();
+    freedom += static_cast<double>(points - kTerms);
+  }
+  return freedom > 0 ? std::sqrt(squares / freedom) : 0;
 }
 
 void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitSetup& setup) {
@@ -475,6 +607,13 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
     if (e.name != "H" || (e.low && e.high)) continue;
     say("H is told by the attraction before contact: where the tip snaps in, or noise hides it, it is not");
   }
+  for (const Estimate& e : fit.estimates) {
+    if ((e.name != "humidity" && e.name != "film") || (e.low && e.high)) continue;
+    say(e.name + " is told by " +
+        (e.name == "film" ? "where the bridge forms on the way in"
+                          : "how far the bridge reaches on the way out") +
+        ": a lever that leaps there hides it");
+  }
   if (curve.deepest_slope > 1.02) {
     say("the deflection grows faster than the base goes down (slope " + number(curve.deepest_slope, 4) +
         "): the deflection's sensitivity is wrong");
@@ -484,15 +623,18 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
   if (fit.rms_nm > 1.2 * fit.noise_nm) {
     say("residuals are " + number(fit.rms_nm / fit.noise_nm) +
         " times the free part's noise: model or calibration miss something that the intervals do not hold");
+    const double floor_nm = smooth_floor_nm(curve);
+    if (floor_nm > 1.5 * fit.noise_nm) {
+      say("in contact a polynomial of degree 8 through each way leaves " + number(floor_nm / fit.noise_nm) +
+          " times that noise: no smooth law does better, the measurement itself is not as quiet there");
+    }
   }
   if (std::abs(fit.left_correlation) > 0.2)
     say("residuals go on after the noise's own correlation is taken out (" + number(fit.left_correlation, 2) +
         ")");
 }
 
-}  // namespace
-
-CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
+CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, double& cost) {
   CurveFit fit;
   fit.error = curve.error;
   if (!fit.error.empty()) return fit;
@@ -506,9 +648,11 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   };
   bound(at.modulus, setup.modulus_min_gpa, setup.modulus_max_gpa);
   bound(at.work, 1e-6, 20.0);
-  bound(at.radius, 1.0, 1e4);
+  bound(at.radius, kLeastRadius_nm, kGreatestRadius_nm);
   bound(at.distance, kLeastDistance_nm, kGreatestDistance_nm);
   bound(at.hamaker, 1e-7, 1e4);
+  bound(at.humidity, kLeastHumidity, kGreatestHumidity);
+  bound(at.film, kLeastFilm_nm, kGreatestFilm_nm);
   Search search(problem, bounds);
 
   Found best;
@@ -523,6 +667,9 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
       const double z0 = setup.law.equilibrium_distance_nm;
       p[at.hamaker] = det_log(setup.hamaker_aj.value_or(12.0 * kPi * z0 * z0 * start.work_n_m));
     }
+    const physics::CapillaryParameters& water = setup.law.long_range.capillary;
+    if (at.humidity >= 0) p[at.humidity] = det_log(std::max(water.humidity_percent, kLeastHumidity));
+    if (at.film >= 0) p[at.film] = det_log(std::max(water.film_nm, kLeastFilm_nm));
     p[at.touch] = curve.touch_z_nm;
     p[at.offsets] = curve.offset_nm[0];
     p[at.offsets + 1] = curve.offset_nm[1];
@@ -539,10 +686,30 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
         "finds no balance of tip and lever for any start: do radius, stiffness and law of the scene fit it?";
     return fit;
   }
+  // Both move steps of the curve, to which no slope leads from afar. Where the lever leaps over what tells them,
+  // several valleys are as good as the best: an interval holds all of them.
+  std::vector<Found> modes;
+  if (at.humidity >= 0 || at.film >= 0) {
+    const Vector from = best.p;
+    for (const double humidity : {0.0, 25.0, 45.0, 65.0, 85.0}) {
+      if (humidity > 0 && at.humidity < 0) continue;
+      for (const double film_nm : {0.0, 0.05, 0.2, 0.5, 1.0, 2.0, 4.0}) {
+        if (film_nm > 0 && at.film < 0) continue;
+        Vector p = from;
+        if (humidity > 0) p[at.humidity] = det_log(humidity);
+        if (film_nm > 0) p[at.film] = det_log(film_nm);
+        Found found = search.descend(p, 5);
+        ++fit.starts;
+        if (!found.good || found.cost > 40.0 * best.cost) continue;
+        found = search.descend(found.p, 40);
+        modes.push_back(found);
+        if (found.cost < best.cost) best = found;
+      }
+    }
+  }
   best = search.descend(best.p, 40);
   for (const double end : ends) fit.starts_agree += end <= 1.01 * best.cost + 0.1 ? 1 : 0;
 
-  double cost = 0;
   search.evaluate(best.p, cost);
   const std::vector<char> used = search.used();
   const Vector residual = search.residual();
@@ -593,6 +760,7 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   const Vector by_invols = moved(larger);
 
   const double rise = 0.5 * kQuantile * std::max(fit.reduced, 1.0);
+  const std::vector<Found> valleys = apart(modes, best, at.laws, rise);
   const auto estimate = [&](int i, const char* name, const char* unit, double to_unit) {
     if (i < 0) return;
     Estimate e;
@@ -600,8 +768,13 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
     e.unit = unit;
     e.value = to_unit * det_exp(best.p[i]);
     const double error = std::sqrt(std::max(covariance(i, i), 0.0) * std::max(fit.reduced, 1.0));
-    const auto low = profile_end(search, best, i, -1.0, error, rise);
-    const auto high = profile_end(search, best, i, 1.0, error, rise);
+    std::optional<double> low = profile_end(search, best, i, -1.0, error, rise);
+    std::optional<double> high = profile_end(search, best, i, 1.0, error, rise);
+    for (const Found& valley : valleys) {
+      const double left = rise - (valley.cost - best.cost);
+      if (low && valley.p[i] < *low) low = profile_end(search, valley, i, -1.0, error, left);
+      if (high && valley.p[i] > *high) high = profile_end(search, valley, i, 1.0, error, left);
+    }
     if (low) e.low = to_unit * det_exp(*low);
     if (high) e.high = to_unit * det_exp(*high);
     e.sensitivity_stiffness = by_stiffness[i];
@@ -623,8 +796,10 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   estimate(at.radius, "R", "nm", 1.0);
   estimate(at.distance, "z0", "nm", 1.0);
   estimate(at.hamaker, "H", "aJ", 1.0);
+  estimate(at.humidity, "humidity", "%", 1.0);
+  estimate(at.film, "film", "nm", 1.0);
   std::vector<int> shown{at.modulus};
-  for (const int i : {at.work, at.radius, at.distance, at.hamaker})
+  for (const int i : {at.work, at.radius, at.distance, at.hamaker, at.humidity, at.film})
     if (i >= 0) shown.push_back(i);
   for (const int a : shown) {
     std::vector<double> row;
@@ -635,11 +810,22 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
     fit.correlation.push_back(row);
   }
 
+  bool mixed = false;
+  for (const Estimate& e : fit.estimates) mixed = mixed || !e.low || !e.high;
+  for (std::size_t a = 0; a < shown.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) mixed = mixed || std::abs(fit.correlation[a][b]) > 0.9;
+  if (mixed && shown.size() > 1) {
+    const std::string known = best_known(normal, shown, fit.estimates, fit.reduced);
+    if (!known.empty()) fit.notes.push_back("not each by itself: the combination " + known);
+  }
+
   const physics::TipSampleParameters law = problem.law(best.p);
   fit.modulus_gpa = det_exp(best.p[at.modulus]);
   fit.radius_nm = problem.radius_nm(best.p);
   fit.contact_modulus_gpa = law.contact_modulus_gpa;
   fit.distance_nm = law.equilibrium_distance_nm;
+  fit.humidity_percent = law.long_range.capillary.humidity_percent;
+  fit.film_nm = law.long_range.capillary.film_nm;
   if (at.work >= 0) {
     fit.work_n_m = law.work_of_adhesion_n_m;
     fit.lambda = physics::TipSampleLaw(law).lambda(fit.radius_nm);
@@ -668,6 +854,20 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   fit.evaluations = problem.evaluations();
   say_what_is_not_known(fit, curve, setup);
   return fit;
+}
+
+}  // namespace
+
+CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
+  double cost = 1e300;
+  CurveFit fit = fit_with_its_leaps(curve, setup, cost);
+  if (!curve.approach.step) return fit;
+  // What looked like the bridge's step may be a bend of the curve.
+  PreparedCurve smooth = curve;
+  smooth.approach.step.reset();
+  double without = 1e300;
+  CurveFit other = fit_with_its_leaps(smooth, setup, without);
+  return other.error.empty() && without < cost ? other : fit;
 }
 
 }  // namespace telenano::fit

@@ -24,7 +24,9 @@ struct FitSetup {
   bool fit_distance = false;  ///< z0, with it the Hamaker constant 12π z0² w
   bool fit_hamaker = false;   ///< that constant itself; z0 then follows from it and w. Not with fit_distance
   std::optional<double> hamaker_aj;  ///< held, or with fit_hamaker the start; none: z0 is held
-  bool fit_shift = false;            ///< of z between the two ways: drift or hysteresis of the piezo
+  bool fit_humidity = false;         ///< of a law with a capillary bridge: how far it reaches
+  bool fit_film = false;   ///< both adsorbed films: the gap at which the bridge forms; more than 0 to begin
+  bool fit_shift = false;  ///< of z between the two ways: drift or hysteresis of the piezo
 };
 
 /// A parameter with its 95 % interval; an end that the curve does not show is empty.
@@ -46,7 +48,8 @@ struct FitSegment {
 };
 
 struct CurveFit {
-  std::vector<Estimate> estimates;  ///< E, w, then R, z0 and H where fitted; w is absent without adhesion
+  std::vector<Estimate>
+      estimates;  ///< E, w, then R, z0, H, humidity and film where fitted; w is absent without adhesion
   std::vector<std::vector<double>> correlation;  ///< of the logarithms of the estimates
   double modulus_gpa = 0;
   double work_n_m = 0;
@@ -55,6 +58,8 @@ struct CurveFit {
   double contact_modulus_gpa = 0;  ///< K
   double lambda = 0;               ///< Maugis's; 0 without adhesion
   double hamaker_aj = 0;           ///< 12π z0² w; 0 without van der Waals
+  double humidity_percent = 0;
+  double film_nm = 0;
   double touch_z_nm = 0;
   double shift_nm = 0;
   double rms_nm = 0;    ///< of the residuals that count

@@ -118,6 +118,13 @@ void trace_segment(const Walker& walker, physics::TipSampleState& state, double 
         segment.leap_x_nm = high.node.x_nm;
         segment.leap_nn = size;
       }
+      const bool bridge = high.bridge != low.bridge;
+      std::optional<double>& place = bridge ? segment.bridge_x_nm : segment.dry_leap_x_nm;
+      double& largest = bridge ? segment.bridge_nn : segment.dry_leap_nn;
+      if (!place || size > largest) {
+        place = high.node.x_nm;
+        largest = size;
+      }
       segment.starts.push_back(segment.nodes.size());
       segment.nodes.push_back(high.node);
       last = high;

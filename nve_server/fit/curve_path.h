@@ -25,6 +25,11 @@ struct PathSegment {
   std::vector<std::size_t> starts;  ///< of stretches, the first is 0
   std::optional<double> leap_x_nm;  ///< where the largest leap of the force is
   double leap_nn = 0;               ///< its size, positive
+  // Where a bridge forms and the tip leaps elsewhere, too, there are two.
+  std::optional<double> bridge_x_nm;    ///< where the bridge forms or ruptures
+  double bridge_nn = 0;                 ///< how much the force leaps there
+  std::optional<double> dry_leap_x_nm;  ///< where the largest leap without that is
+  double dry_leap_nn = 0;
   bool good = true;
 
   /// In the stretch that holds x; beyond the ends, the end's value.

@@ -87,6 +87,57 @@ std::optional<Leap> find_leap(const PreparedSegment& segment, double noise_nm, d
   return leap;
 }
 
+/// How far the parabolas through `width` points before and after the middle of i and i + 1 are apart there,
+/// towards the sample. By Lagrange's sums: the weights that a least-squares parabola of equal steps gives its
+/// points for the value half a step beyond its end.
+std::vector<double> parabola_weights(std::size_t width) {
+  const auto n = static_cast<double>(width);
+  // t from the window's middle: orthogonal polynomials 1, t, t² − m2.
+  double m2 = 0;
+  double m4 = 0;
+  for (std::size_t i = 0; i < width; ++i) {
+    const double t = static_cast<double>(i) - 0.5 * (n - 1);
+    m2 += t * t / n;
+    m4 += t * t * t * t / n;
+  }
+  const double at = 0.5 * n;
+  std::vector<double> weights;
+  for (std::size_t i = 0; i < width; ++i) {
+    const double t = static_cast<double>(i) - 0.5 * (n - 1);
+    weights.push_back((1.0 + at * t / m2 + (at * at - m2) * (t * t - m2) / (m4 - m2 * m2)) / n);
+  }
+  return weights;
+}
+
+std::optional<Leap> find_step(const PreparedSegment& segment, double noise_nm) {
+  const std::vector<double>& d = segment.deflection_nm;
+  const std::size_t n = d.size();
+  const std::size_t width = std::clamp<std::size_t>(n / 100, 6, 12);
+  if (n < 4 * width) return std::nullopt;
+  const std::vector<double> weights = parabola_weights(width);
+  double squares = 0;
+  for (const double w : weights) squares += 2 * w * w;
+  double largest = 0;
+  std::size_t at = 0;
+  for (std::size_t i = width - 1; i + width < n; ++i) {
+    // Windows that a leap lies in say nothing.
+    if (segment.leap && i + width > segment.leap->before && i < segment.leap->after + width) continue;
+    double apart = 0;
+    for (std::size_t k = 0; k < width; ++k) apart += weights[k] * (d[i + 1 - width + k] - d[i + width - k]);
+    if (apart > largest) largest = apart, at = i;
+  }
+  if (!(largest > 7.0 * noise_nm * std::sqrt(squares))) return std::nullopt;
+  Leap step;
+  step.before = at;
+  step.after = at + 1;
+  step.height_nm = largest;
+  step.z_nm = 0.5 * (segment.z_nm[at] + segment.z_nm[at + 1]);
+  // The place itself is a guess of the noise, too: by one point where the step is not far above it.
+  const double spacing = std::abs(segment.z_nm[at + 1] - segment.z_nm[at]);
+  step.sigma_nm = spacing * std::hypot(0.5 / std::sqrt(3.0), 2.0 * noise_nm / largest);
+  return step;
+}
+
 void smooth_slopes(PreparedSegment& segment) {
   const std::size_t n = segment.z_nm.size();
   constexpr std::size_t kHalf = 6;
@@ -129,8 +180,9 @@ void find_free_part(PreparedSegment& segment, bool approach, double noise_nm) {
     out =
         std::abs(segment.deflection_nm[i] - line(segment.z_nm[i])) > kStandsOut * spread * far ? out + 1 : 0;
   }
-  if (segment.leap) {
-    const std::size_t to_leap = approach ? segment.leap->before : n - 1 - segment.leap->after;
+  const std::optional<Leap>& first = approach && segment.step ? segment.step : segment.leap;
+  if (first) {
+    const std::size_t to_leap = approach ? first->before : n - 1 - first->after;
     count = std::min(count, to_leap);
   }
   count = std::max<std::size_t>(count * 9 / 10, 4);
@@ -283,6 +335,12 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   for (PreparedSegment* segment : {&curve.approach, &curve.retract}) {
     const double noise = rough_noise(segment->deflection_nm);
     segment->leap = find_leap(*segment, noise, segment == &curve.approach ? -1.0 : 1.0);
+    if (how.bridge_step && segment == &curve.approach) {
+      segment->step = find_step(*segment, noise);
+      // The bridge forms farther out than the tip leaps without it.
+      if (segment->step && segment->leap && segment->step->before > segment->leap->before)
+        std::swap(segment->step, segment->leap);
+    }
     find_free_part(*segment, segment == &curve.approach, noise);
   }
   fit_baseline(curve);
@@ -296,9 +354,10 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
     smooth_slopes(*segment);
     // The lever's thermal motion, too, tips it over early or late: by about its amplitude, √(k_B T/k).
     const double thermal_nm = std::sqrt(4.11e-3 / how.stiffness_n_m);
-    if (segment->leap)
-      segment->leap->sigma_nm =
-          std::hypot(segment->leap->sigma_nm, thermal_nm, curve.z_noise_nm + curve.noise_nm);
+    for (std::optional<Leap>* leap : {&segment->leap, &segment->step}) {
+      if (!*leap) continue;
+      (*leap)->sigma_nm = std::hypot((*leap)->sigma_nm, thermal_nm, curve.z_noise_nm + curve.noise_nm);
+    }
   }
   curve.touch_z_nm = find_touch(curve);
   curve.deepest_slope = -line_through(a.z_nm, a.deflection_nm, n - tenth, n).slope;

@@ -26,6 +26,7 @@ struct PreparedSegment {
   std::vector<double> deflection_nm;
   std::vector<double> slope;  ///< smoothed d(deflection)/dz: what noise of z makes of the deflection
   std::optional<Leap> leap;
+  std::optional<Leap> step;  ///< on the approach, if looked for: where a liquid bridge forms, before any leap
   std::size_t free_begin = 0;  ///< the part without any force, [begin, end)
   std::size_t free_end = 0;
 };
@@ -50,6 +51,7 @@ struct Preparation {
   double stiffness_n_m = 0;  ///< turns a file's forces into deflections
   std::optional<double> invols_nm_v;
   bool invols_from_stiff = false;  ///< volts per nm from the deepest tenth, taken as rigid
+  bool bridge_step = false;        ///< look for the step at which a liquid bridge forms
 };
 
 /// Signs, units, leaps, baseline and noise of a curve. Never throws but for want of memory.
@@ -58,6 +60,9 @@ struct Preparation {
 /// stands out of the far quarter's line by six times its noise. One slope would do for virtual deflection
 /// (light that the sample reflects is a matter of the height), but drift has the other sign on the way back.
 /// Noise: see noise_model.h, from the free part of both ways.
+/// Step: on a lever so stiff that it does not leap, the bridge's force sets in within one point, in a curve
+/// that bends. It is where parabolas through the points before and after miss each other the most, by more
+/// than seven times what the noise makes of that.
 PreparedCurve prepare(const RawCurve& raw, const Preparation& how);
 
 /// On a spring: the part of the base's way by which the deflection grows in contact, d(deflection)/d(−z), by least

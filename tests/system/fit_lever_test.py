@@ -163,9 +163,45 @@ class Lever(unittest.TestCase):
         said, ratio = said_of(*sin)
         self.assertAlmostEqual(ratio, 14.5, delta=0.5)
         self.assertIn("14.5 times the free part's noise", said)
+        # No smooth law does better: polynomials of the same degree by other hands (Gram and Schmidt, in this file) say the same.
+        floor = float(re.search(r"degree 8 through each way leaves ([^ ]+) times", said)[1])
+        self.assertAlmostEqual(floor, 5.44, delta=0.1)
+        self.assertAlmostEqual(self.polynomial_floor(*sin), floor, delta=0.15 * floor)
         said, ratio = said_of(*sin, "--invols-nm-v", "stiff")
         self.assertTrue(4.5 < ratio < 7.5, said)
         self.assertRegex(said, r"1 % of InvOLS moves E by 6[0-9]")
+
+    def polynomial_floor(self, *flags):
+        """What polynomials of degree 8 through the contact of both ways leave, over the noise that `fit` says."""
+        run = subprocess.run([nve, "fit", *map(str, flags), "-o", self.folder / "f.toml", "--force", "--residuals", self.folder / "r.csv"],
+                             capture_output=True, text=True, timeout=120, check=True)
+        noise = float(re.search(r"free part's noise ([^ ]+) nm", run.stdout)[1])
+        squares, freedom = 0.0, 0
+        with open(self.folder / "r.csv") as file:
+            rows = list(csv.DictReader(file))
+        for way in ("approach", "retract"):
+            z, d = zip(*((float(row["z_nm"]), float(row["deflection_nm"])) for row in rows if row["direction"] == way))
+            # In contact: after the lowest point of the approach, before that of the retract.
+            lowest = min(range(len(d)), key=lambda i: d[i])
+            part = slice(lowest + 2, None) if way == "approach" else slice(0, lowest)
+            z, d = z[part], d[part]
+            middle, half = (max(z) + min(z)) / 2, (max(z) - min(z)) / 2
+            basis = []
+            for power in range(9):
+                column = [((at - middle) / half) ** power for at in z]
+                for _ in range(2):
+                    for other in basis:
+                        share = sum(a * b for a, b in zip(column, other))
+                        column = [a - share * b for a, b in zip(column, other)]
+                length = math.sqrt(sum(a * a for a in column))
+                basis.append([a / length for a in column])
+            left = list(d)
+            for other in basis:
+                share = sum(a * b for a, b in zip(left, other))
+                left = [a - share * b for a, b in zip(left, other)]
+            squares += sum(a * a for a in left)
+            freedom += len(d) - 9
+        return math.sqrt(squares / freedom) / noise
 
     def test_hamaker_constant_of_its_own(self):
         text = (source / "deploy/scenes/flat_polystyrene.toml").read_text()

@@ -1,7 +1,9 @@
 // Many curves at once through the real program: pictures of what was found, one bad file among good ones.
 #include <cstring>
 #include <filesystem>
+#include <sstream>
 
+#include "telenano/common/base/random.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -9,13 +11,14 @@ namespace {
 
 class FitTest : public ProgramsTest {
  protected:
-  /// A curve of the scene with another modulus, as `curve` prints it.
-  std::string curve(const std::string& modulus_gpa, const std::string& name) {
+  /// A curve of the scene with another modulus and what is added, as `curve` prints it.
+  std::string curve(const std::string& modulus_gpa, const std::string& name, const std::string& added = {}) {
     std::string text = file_text(scene_path("flat_polystyrene"));
     const std::string key = "youngs_modulus_gpa = 2.0";
     const auto at = text.find(key);
     EXPECT_NE(at, std::string::npos);
     text.replace(at, key.size(), "youngs_modulus_gpa = " + modulus_gpa);
+    text += added;
     const Finished run = run_program({kNve, "curve", "--scene", write(name + ".toml", text), "--from-nm",
                                       "20", "--to-nm", "-6", "--step-nm", "0.05"},
                                      {}, kLong);
@@ -53,6 +56,45 @@ TEST_F(FitTest, CurvesOnAGridBecomePictures) {
   EXPECT_NEAR(at(3), 2.0e9, 0.02e9);
   EXPECT_NE(bytes.find("ZUnits = Pa"), std::string::npos);
   EXPECT_NE(file_text(path("maps/w.gsf")).find("ZUnits = J/m2"), std::string::npos);
+}
+
+TEST_F(FitTest, HumidityAndFilmComeIntoTheScene) {
+  const auto water = [](const std::string& humidity, const std::string& film) {
+    return "\n[forces.capillary]\nhumidity_percent = " + humidity + "\nfilm_nm = " + film +
+           "\nadhesion = \"dry\"\n";
+  };
+  // With noise: a curve without any is led to 1e-6 of its range, which takes its time.
+  std::string noisy = "direction,z_nm,deflection_nm\n";
+  Random random(3);
+  for (const std::string& line : lines_of(file_text(curve("2.0", "humid", water("55.0", "0.7"))))) {
+    std::istringstream fields(line);
+    std::string field[6];
+    for (std::string& each : field) std::getline(fields, each, ',');
+    if (field[0] == "direction" || field[5].empty()) continue;
+    noisy += field[0] + ',' + field[1] + ',' + std::to_string(std::stod(field[5]) + 0.003 * random.normal()) +
+             '\n';
+  }
+  const std::string made = write("noisy.csv", noisy);
+  const std::string start =
+      write("start.toml", file_text(scene_path("flat_polystyrene")) + water("40.0", "0.4"));
+  const Finished run = run_program({kNve, "fit", made, "--scene", start, "-o", path("fitted.toml"), "--also",
+                                    "humidity", "film", "--table", path("table.csv")},
+                                   {}, kLong);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string text = file_text(path("fitted.toml"));
+  const auto value = [&](const std::string& key) {
+    const auto at = text.find("\n" + key + " = ");
+    return at == std::string::npos ? -1.0 : std::stod(text.substr(at + key.size() + 4));
+  };
+  EXPECT_NEAR(value("humidity_percent"), 55, 0.3) << text;
+  // A point of the curve is 0.05 nm from the next: where the bridge forms is known to that.
+  EXPECT_NEAR(value("film_nm"), 0.7, 0.06) << text;
+  EXPECT_NE(file_text(path("table.csv")).find(",humidity_percent,humidity_low_percent,"), std::string::npos);
+  EXPECT_EQ(run_program({kNve, "check", "--scene", path("fitted.toml")}, {}, kLong).exit_code, 0);
+  const Finished dry = fit({made, "--force", "--also", "film"});
+  EXPECT_EQ(dry.exit_code, 2);
+  EXPECT_NE(dry.err.find("has no capillary bridge, whose film could be fitted"), std::string::npos)
+      << dry.err;
 }
 
 TEST_F(FitTest, AMapThatDoesNotFitItsCurvesIsRefusedBeforeAnythingIsFitted) {

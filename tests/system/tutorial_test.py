@@ -2,7 +2,9 @@
 """The tutorial "feel your own sample": its commands word for word, with a scan of the project and a noisy curve of a
 known material as the person's files.
 
-python3 tests/system/tutorial_test.py SOURCE_DIR TELENANO_NVE TELENANO_MASTER
+python3 tests/system/tutorial_test.py SOURCE_DIR TELENANO_NVE TELENANO_MASTER [PICTURES]
+
+With a folder PICTURES, its two pictures are put there.
 """
 import csv
 import os
@@ -10,12 +12,28 @@ import pathlib
 import random
 import re
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
+import zlib
 
-source, nve, master = (pathlib.Path(argument) for argument in sys.argv[1:4])
+source, nve, master = (pathlib.Path(argument).resolve() for argument in sys.argv[1:4])
+pictures = pathlib.Path(sys.argv[4]) if len(sys.argv) > 4 else None
+
+
+def picture_size(path):
+    """Width and height of a PNG whose pixels are there: unpacked, and not of one colour."""
+    data, at, packed = path.read_bytes(), 8, b""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n", path
+    size = struct.unpack(">II", data[16:24])
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at:at + 8])
+        packed += data[at + 8:at + 8 + length] if kind == b"IDAT" else b""
+        at += 12 + length
+    assert len(set(zlib.decompress(packed))) > 16, f"{path}: nothing is drawn"
+    return size
 
 
 def commands():
@@ -71,6 +89,12 @@ class Tutorial(unittest.TestCase):
             for row in ("residuals", "95 % interval", "1 % of k, InvOLS, R moves it by"):
                 self.assertIn(row, said[1])
             self.assertGreater(len(said[4].splitlines()), 100, "no curve in what was recorded")
+            self.assertEqual(picture_size(self.folder / "fit.png"), (900, 800))
+            self.assertEqual(picture_size(self.folder / "touch.png"), (1280, 800))
+            for name in ("fit", "touch"):
+                self.assertTrue((source / f"deploy/pictures/own_sample_{name}.png").exists() or pictures)
+                if pictures:
+                    shutil.copy(self.folder / f"{name}.png", pictures / f"own_sample_{name}.png")
         finally:
             if server is not None:
                 server.terminate()

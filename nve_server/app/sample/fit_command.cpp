@@ -256,8 +256,19 @@ fit::FitSetup setup_of(const Options& options, const scene::Scene& scene,
   setup.sample_poisson = scene.sample.poisson_ratio;
   const scene::Material& tip = scene.probe.tip;
   setup.tip_compliance_per_gpa = (1.0 - tip.poisson_ratio * tip.poisson_ratio) / tip.youngs_modulus_gpa;
-  for (const std::string& name : options.also)
-    (name == "R" ? setup.fit_radius : name == "H" ? setup.fit_hamaker : setup.fit_distance) = true;
+  for (const std::string& name : options.also) {
+    (name == "R"          ? setup.fit_radius
+     : name == "H"        ? setup.fit_hamaker
+     : name == "humidity" ? setup.fit_humidity
+     : name == "film"     ? setup.fit_film
+                          : setup.fit_distance) = true;
+  }
+  const bool water = setup.law.long_range.capillary.humidity_percent > 0;
+  if ((setup.fit_humidity || setup.fit_film) && !water) {
+    throw UserError(scene.path + ": has no capillary bridge, whose " +
+                    (setup.fit_film ? "film" : "humidity") +
+                    " could be fitted: give [forces.capillary] humidity_percent as a start");
+  }
   if (setup.fit_hamaker && setup.fit_distance)
     throw UserError("--also H and --also z0 are one length (H = 12 pi z0^2 w): choose one of them");
   if (options.hamaker_aj && setup.fit_distance)
@@ -389,12 +400,13 @@ std::string csv_table(const std::vector<Curve>& curves) {
   std::string text =
       "curve,e_gpa,e_low_gpa,e_high_gpa,w_mj_m2,w_low_mj_m2,w_high_mj_m2,r_nm,r_low_nm,r_high_nm,z0_nm,z0_"
       "low_nm,"
-      "z0_high_nm,h_aj,h_low_aj,h_high_aj,lambda,hamaker_aj,rms_nm,noise_nm,error\n";
+      "z0_high_nm,h_aj,h_low_aj,h_high_aj,humidity_percent,humidity_low_percent,humidity_high_percent,film_"
+      "nm,film_low_nm,film_high_nm,lambda,hamaker_aj,rms_nm,noise_nm,error\n";
   for (const Curve& curve : curves) {
     std::string name = "\"";
     for (const char c : curve.name) name += c == '"' ? std::string("\"\"") : std::string(1, c);
     text += name + "\"";
-    for (const char* wanted : {"E", "w", "R", "z0", "H"}) {
+    for (const char* wanted : {"E", "w", "R", "z0", "H", "humidity", "film"}) {
       const auto found = std::find_if(curve.fit.estimates.begin(), curve.fit.estimates.end(),
                                       [&](const fit::Estimate& e) { return e.name == wanted; });
       if (found == curve.fit.estimates.end()) {
@@ -450,7 +462,7 @@ void draw(const Curve& curve, const std::string& file) {
     script += "\n\n";
   }
   script += "EOD\n";
-  script += "set bmargin\nset tmargin\nset multiplot layout 2,1\n";
+  script += "set bmargin\nset tmargin\nset lmargin 11\nset multiplot layout 2,1\n";
   script += "set title " +
             plot::quoted(fit::plain_line(std::filesystem::path(curve.path).filename().string())) +
             " noenhanced\n";
@@ -512,6 +524,9 @@ std::string fitted_text(const Options& options, const scene::Scene& scene, const
     set("probe", "stiffness_n_m",
         scene.cantilever.stiffness_n_m() * scene.probe_compliance_nm_nn()(2, 2) / setup.compliance_nm_nn);
   }
+  if (setup.fit_humidity)
+    set("forces.capillary", "humidity_percent", median_of(curves, &fit::CurveFit::humidity_percent));
+  if (setup.fit_film) set("forces.capillary", "film_nm", median_of(curves, &fit::CurveFit::film_nm));
   // What was fitted is the dry contact's.
   if (law.long_range.capillary.humidity_percent > 0)
     text = fit::with_key(text, "forces.capillary", "adhesion", "\"dry\"");
@@ -602,11 +617,10 @@ struct MapOf {
   const char* unit;
   double in_unit;  // of the estimate's own
 };
-constexpr MapOf kMaps[] = {{"E", "Young's modulus", "Pa", 1e9},
-                           {"w", "work of adhesion", "J/m2", 1e-3},
-                           {"R", "tip radius", "m", 1e-9},
-                           {"z0", "equilibrium distance", "m", 1e-9},
-                           {"H", "Hamaker constant", "J", 1e-18}};
+constexpr MapOf kMaps[] = {{"E", "Young's modulus", "Pa", 1e9},   {"w", "work of adhesion", "J/m2", 1e-3},
+                           {"R", "tip radius", "m", 1e-9},        {"z0", "equilibrium distance", "m", 1e-9},
+                           {"H", "Hamaker constant", "J", 1e-18}, {"humidity", "humidity", "", 1e-2},
+                           {"film", "adsorbed films", "m", 1e-9}};
 
 std::string map_file(const Options& options, const MapOf& what) {
   return (std::filesystem::path(options.map) / (std::string(what.name) + ".gsf")).string();
@@ -669,7 +683,8 @@ void run(const Options& options) {
   if (!options.thermal.empty()) lever = by_thermal_motion(options);
   if (!options.reference.empty()) lever = by_reference(options);
   const fit::FitSetup setup = setup_of(options, *scene, lever);
-  const fit::Preparation how = preparation_of(options, 1.0 / setup.compliance_nm_nn);
+  fit::Preparation how = preparation_of(options, 1.0 / setup.compliance_nm_nn);
+  how.bridge_step = setup.fit_film || setup.fit_humidity;
   fit_all(options, setup, how, curves);
   std::size_t good = 0;
   for (const Curve& curve : curves) {
@@ -773,8 +788,10 @@ void add_fit_command(CLI::App& app) {
       ->add_option(
           "--also", options->also,
           "fit these, too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, or H the "
-          "Hamaker constant; one follows from the other and w: H = 12 pi z0^2 w")
-      ->check(CLI::IsMember({"R", "z0", "H"}));
+          "Hamaker constant; one follows from the other and w: H = 12 pi z0^2 w; humidity and film of a "
+          "scene "
+          "with a capillary bridge")
+      ->check(CLI::IsMember({"R", "z0", "H", "humidity", "film"}));
   command->add_option(
       "--hamaker-aj", options->hamaker_aj,
       "Hamaker constant, held whatever w is; with --also H the start; left out: the scene's, or "

@@ -143,6 +143,24 @@ TEST(Fit, ARigidSampleHasNoUpperEnd) {
   EXPECT_NE(said(fit).find("E is open upwards"), std::string::npos) << said(fit);
 }
 
+// F = K R^(1/2) d^(3/2): K and R each are open, E R^(1/2) is not.
+TEST(Fit, OfHertzACombinationIsKnown) {
+  Sample sample;
+  sample.jkr = false;
+  sample.work_n_m = 0;
+  FitSetup setup = setup_for(sample);
+  setup.law.model = physics::ContactLaw::kHertz;
+  setup.fit_radius = true;
+  setup.radius_nm = 20;
+  const CurveFit fit = fit_of(fit_test::curve_of(sample, {}, {.white_nm = 0.05}, 8), setup);
+  ASSERT_EQ(fit.error, "");
+  const auto combination = [](const CurveFit& of) { return of.modulus_gpa * std::sqrt(of.radius_nm); };
+  EXPECT_NEAR(combination(fit) / (modulus_of(sample) * std::sqrt(sample.radius_nm)), 1, 0.01) << said(fit);
+  EXPECT_FALSE(fit.estimates[0].low && fit.estimates[0].high) << said(fit);
+  EXPECT_FALSE(fit.estimates[1].low && fit.estimates[1].high) << said(fit);
+  EXPECT_NE(said(fit).find("the combination E R^0.5 is known to"), std::string::npos) << said(fit);
+}
+
 TEST(Fit, TheFilesSignsAndUnitsChangeNothing) {
   const Sample sample;
   RawCurve raw = fit_test::curve_of(sample, {}, {.white_nm = 0.05}, 4);
