@@ -34,6 +34,7 @@ FEATURE_SCENE = 1 << 7
 #: Known on the wire; station.py and server.py do not ask for it, nor grant it.
 FEATURE_STEP_LOG = 1 << 8
 FEATURE_SHARED_LOG = 1 << 9
+FEATURE_UNDO = 1 << 11
 KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
                   FEATURE_PARTICLE | FEATURE_WELL | FEATURE_SCENE)
 
@@ -54,10 +55,11 @@ def feature_fields():
 
 FEATURE_FIELDS = feature_fields()
 
-CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER = 1, 2, 4, 8, 16
+CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER, UNDO = 1, 2, 4, 8, 16, 32
 REFUSE_VERSION, REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN = 1, 2, 3, 4
 BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION = 1, 2, 3, 4, 5
 FAULT_RETRACTED = 1 << 3
+FAULT_UNDO = 1 << 8
 
 #: A record of Command.recent_commands: age_ns, flags, position, energy, wave's sum.
 RECENT = struct.Struct("<II3dd3d")
