@@ -31,6 +31,7 @@ local values = {
   },
   StepBreak = {
     [0] = "none", [1] = "gap", [2] = "stop", [3] = "right", [4] = "silence", [5] = "share", [6] = "holder",
+    [7] = "undo",
   },
 }
 local messages = {

@@ -320,6 +320,7 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     command.tip_hold = 0;
     command.flags &= ~(kFlagTakeOver | kFlagHandOver);
   }
+  if ((features() & kFeatureUndo) == 0) command.flags &= ~std::uint32_t{kFlagUndo};
   if (logs_steps()) {
     const bool stops = (command.flags & kFlagStop) != 0;
     const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns(), stops);

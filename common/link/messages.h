@@ -28,10 +28,11 @@ enum FeatureBits : std::uint64_t {
   kFeatureScene = 1u << 7,        ///< Welcome::scene, SceneRequest, SceneChunk
   kFeatureStepLog = 1u << 8,      ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
   kFeatureSharedLog = 1u << 9,    ///< steps of one datagram belong to its tip_hold: a log at a shared tip
+  kFeatureUndo = 1u << 11,        ///< kFlagUndo in Command, kFaultUndo in Reply
 };
 inline constexpr std::uint64_t kKnownFeatures =
     kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy | kFeatureStepHistory |
-    kFeatureParticle | kFeatureWell | kFeatureScene | kFeatureStepLog | kFeatureSharedLog;
+    kFeatureParticle | kFeatureWell | kFeatureScene | kFeatureStepLog | kFeatureSharedLog | kFeatureUndo;
 
 /// Why the slave's state is not what the log of steps says.
 enum StepBreak : std::uint32_t {
@@ -42,6 +43,7 @@ enum StepBreak : std::uint32_t {
   kBreakSilence = 4,  ///< the slave withdrew by itself: the session was silent
   kBreakShare = 5,    ///< steps waited too long for the session's share of the server: left out
   kBreakHolder = 6,   ///< of a shared tip: this session's holding begins, and others have moved it before
+  kBreakUndo = 7,     ///< the last stroke of marks was taken back
 };
 
 /// How far the server has executed the log of steps. Behind kFeatureStepLog; all zero without it.
@@ -149,6 +151,8 @@ enum CommandFlags : std::uint32_t {
   // Behind kFeatureSharing.
   kFlagTakeOver = 1u << 3,  ///< asks for the tip; what counts is that it becomes set
   kFlagHandOver = 1u << 4,  ///< gives the tip up, or does not want it
+  // Behind kFeatureUndo.
+  kFlagUndo = 1u << 5,  ///< asks to take back the last stroke of marks; what counts is that it becomes set
 };
 
 /// The control method that a station runs, as the wire numbers it: those of control::Method.
@@ -217,6 +221,7 @@ enum FaultBits : std::uint32_t {
   /// The session has used up its share of the server: the tip follows late, and catches up as the share comes
   /// in. Nothing of the motion is lost.
   kFaultShare = 1u << 7,
+  kFaultUndo = 1u << 8,  ///< behind kFeatureUndo: the last stroke of marks was not taken back, as asked
 };
 
 /// What the slave's port says to the method at the station. Behind kFeaturePortControl; all zero: nothing.

@@ -114,6 +114,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     sessions_begun_ = session_.sessions();
     station_.begin_session(session_.welcome(), !session_.resumed_unknown_account());
     gate_.clear();
+    undo_.on_session();
   }
 
   const double interval_s = hand_interval_s(dt_s);
@@ -132,6 +133,10 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.snapshot_refused = snapshot.refused();
   input_.rtt_s = 1e-9 * session_.stats().rtt_ns();
   input_.reply = next_reply(now_ns, replied);
+  if (replied && session_.has_reply())
+    undo_.on_reply(session_.reply().command_sequence, session_.reply().fault_bits);
+  undo_.on_time(now_ns);
+  input_.tip_wish = tip_wish_ | undo_.flag(input_.command_sequence);
   station_.step(input_, interval_s, output_);
   sample.now_ns = now_ns;
   sample.dt_s = interval_s;
@@ -182,6 +187,11 @@ void StationLoop::on_event(link::ClientEvent event, std::int64_t came_ns) noexce
     rtt_samples_ = stats.samples();
   }
   if (session_.overtaken_reply() != nullptr) rate_.on_late_reply();
+}
+
+bool StationLoop::undo_marks(std::int64_t now_ns) noexcept {
+  const bool can = session_.has_session() && (session_.welcome().feature_bits & link::kFeatureUndo) != 0;
+  return can && undo_.ask(now_ns);
 }
 
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {

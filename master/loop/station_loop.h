@@ -14,6 +14,7 @@
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/loop/link_options.h"
 #include "telenano/master/loop/scene_pipe.h"
+#include "telenano/master/loop/undo_wish.h"
 #include "telenano/master/station/station.h"
 
 namespace telenano::loop {
@@ -48,7 +49,10 @@ class StationLoop {
   void send_as_recorded(bool sends) noexcept { sends_ = sends ? Sends::kNow : Sends::kNot; }
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
   /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
-  void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
+  void set_tip_wish(std::uint32_t flags) noexcept { tip_wish_ = flags; }
+  /// Asks to take the last stroke of marks back. False: the server cannot, or the last wish is not over yet.
+  bool undo_marks(std::int64_t now_ns) noexcept;
+  UndoAnswer undo_answer() const noexcept { return undo_.answer(); }
   const station::StationTrace& trace() const noexcept { return output_.trace; }
   /// The slave's step of the tick that was last, where steps are logged.
   const link::LoggedStep& step() const noexcept { return output_.step; }
@@ -104,6 +108,8 @@ class StationLoop {
   std::uint32_t paced_method_ = 0;
   link::LinkQuality quality_;
   station::StationInput input_;
+  UndoWish undo_;
+  std::uint32_t tip_wish_ = 0;
   station::StationOutput output_;
   std::uint64_t sessions_begun_ = 0;
   std::uint32_t snapshot_of_ = 0;

@@ -145,8 +145,23 @@ std::string reach_text(double reach_nm, bool mouse) {
       mouse ? "mouse" : "hand", length_text(reach_nm));
 }
 
+const char* undo_text(UndoText answer) noexcept {
+  switch (answer) {
+    case UndoText::kNone:
+    case UndoText::kAsked:
+      break;
+    case UndoText::kDone:
+      return "The last marks are undone: the sample is as it was before";
+    case UndoText::kRefused:
+      return "Marks not undone: none are left to undo, or the tip is too near the ground that would come up";
+    case UndoText::kNoAnswer:
+      return "Marks not undone: the server has not answered";
+  }
+  return "";
+}
+
 std::vector<Message> slave_text(std::uint32_t faults) {
-  constexpr std::array<Fault, 8> kFaults = {{
+  constexpr std::array<Fault, 9> kFaults = {{
       {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
       {link::kFaultRetracted, "The tip has been retracted"},
       {link::kFaultApproaching, "The tip is on its way to the sample: no force until it is there"},
@@ -154,6 +169,7 @@ std::vector<Message> slave_text(std::uint32_t faults) {
       {link::kFaultWorkspace, "At the border of the workspace"},
       {link::kFaultStepLimit, "Too fast for the slave: the tip follows late"},
       {link::kFaultShare, "More than this session's share of the server: the tip follows late"},
+      {link::kFaultUndo, "The last marks were not undone"},
       {link::kFaultNoEquilibrium, "The slave's solver gave up in this step: tip held"},
   }};
   std::vector<Message> messages;

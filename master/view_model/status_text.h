@@ -41,6 +41,8 @@ std::vector<Message> force_text(const recording::Sample& now,
 
 /// That the mouse's hand can lead the tip no further than `reach_nm` from where it took hold.
 std::string reach_text(double reach_nm, bool mouse);
+/// What became of a wish to take marks back; empty: nothing yet.
+const char* undo_text(UndoText answer) noexcept;
 
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_text(std::uint32_t slave_faults);

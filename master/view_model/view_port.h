@@ -26,6 +26,7 @@ struct ViewRequest {
     kScaling,    ///< bumpless; not taken where it would not be safe
     kMarker,     ///< a mark in the recording
     kTask,       ///< of a simulated hand: lets go, goes back, begins
+    kUndo,       ///< the last stroke of marks
     kPractice,   ///< another link to practise on
     kQuit,       ///< end the session
   };
@@ -41,6 +42,12 @@ struct ShownContact {
   double radius_nm = 0;    ///< of the contact; 0: none, or not known
   double adhesion_nn = 0;  ///< pull at which it lets go; 0: not known
   bool area_known = false;
+};
+
+enum class UndoText : std::uint8_t { kNone, kAsked, kDone, kRefused, kNoAnswer };
+struct UndoShown {
+  UndoText text = UndoText::kNone;
+  std::uint32_t count = 0;  ///< another number: something new
 };
 
 /// What a person writes into the recording, about the moment when writing began.
@@ -59,6 +66,7 @@ struct ViewPort {
   rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
   rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
   rt::LatestValue<ShownContact> contact;
+  rt::LatestValue<UndoShown> undo;       ///< what became of the last wish to take marks back
   rt::LatestValue<bool> method_by_link;  ///< the method follows the link: nobody has said which
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};

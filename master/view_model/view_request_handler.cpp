@@ -41,6 +41,9 @@ ViewRequestHandler::Asked ViewRequestHandler::answer(station::Station& station) 
       case ViewRequest::Kind::kPractice:
         asked.practice = request.practice;
         break;
+      case ViewRequest::Kind::kUndo:
+        asked.undo = true;
+        break;
       case ViewRequest::Kind::kQuit:
         asked.quit = true;
         break;

@@ -24,6 +24,7 @@ class ViewRequestHandler {
     std::uint32_t buttons = 0;  ///< device::ButtonBits, to be or-ed to the device's in this tick
     bool quit = false;
     int marks = 0;
+    bool undo = false;
     int task = -1;  ///< to begin; negative: none
     std::optional<link::PracticeLink> practice;
   };
@@ -37,6 +38,7 @@ class ViewRequestHandler {
 
   void show(station::TwinState twin) noexcept { port_.twin.store(twin); }
   void show(const ShownContact& contact) noexcept { port_.contact.store(contact); }
+  void show(const UndoShown& undo) noexcept { port_.undo.store(undo); }
   void show_chooser(bool link) noexcept { port_.method_by_link.store(link); }
   /// Of a hand that plays motions.
   void show(const device::TaskState& task) noexcept { port_.task.store(task); }

@@ -87,6 +87,18 @@ void ControlPanel::ask(ViewRequest::Kind kind) {
   port_.requests.push(request);
 }
 
+std::string ControlPanel::ask_undo(const recording::Sample& now) {
+  if (playback_ != nullptr || ended_) return "";
+  if (!facts_.can_undo)
+    return "No marks to undo: this sample keeps none, or its server cannot take them back";
+  if ((now.limit_flags & recording::kLimitObserves) != 0) return "Only who moves the tip can undo its marks";
+  const auto contact = static_cast<link::ContactState>(now.contact_state);
+  if (contact == link::ContactState::kContact || contact == link::ContactState::kNonContact)
+    return "Marks not undone: lift the tip off the sample first";
+  ask(ViewRequest::Kind::kUndo);
+  return "";
+}
+
 void ControlPanel::ask_method(Method method, const recording::Sample& now) {
   if (playback_ != nullptr || ended_) return;
   if (!method_offered(method) || method == static_cast<Method>(now.method)) return;
@@ -445,6 +457,9 @@ void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live
     if (ImGui::Button("Record  (Ctrl+R)", {-1, 0})) want_recording();
   } else {
     ImGui::TextColored(vec4(palette::kQuiet), "not recording (--record FILE)");
+  }
+  if (facts_.can_undo && !ended_ && playback_ == nullptr) {
+    if (ImGui::Button("Undo the last marks  (U)", {-1, 0})) undo_wanted_ = true;
   }
   const float half = 0.5f * (ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ItemSpacing.x);
   if (ImGui::Button("Picture (P)", {half, 0})) picture_wanted_ = true;

@@ -60,6 +60,9 @@ class ControlPanel {
     record_wanted_ = facts_.can_record && facts_.recording.empty() && !ended_;
   }
   bool take_record_wanted() noexcept { return std::exchange(record_wanted_, false); }
+  /// The last stroke of marks is taken back, where the server can; else why it was not asked.
+  std::string ask_undo(const recording::Sample& now);
+  bool take_undo_wanted() noexcept { return std::exchange(undo_wanted_, false); }
   bool take_help_wanted() noexcept { return std::exchange(help_wanted_, false); }
 
  private:
@@ -88,6 +91,7 @@ class ControlPanel {
   bool clutch_ = false;
   bool picture_wanted_ = false;
   bool help_wanted_ = false;
+  bool undo_wanted_ = false;
   bool record_wanted_ = false;
 };
 

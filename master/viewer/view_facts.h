@@ -46,6 +46,7 @@ struct ViewFacts {
   double hand_force_limit_n = 0;               ///< what the station never exceeds
   double energy_bound_j = 0;                   ///< that may ever be extracted
   double text_size = 1;                        ///< of words, times the screen's own
+  bool can_undo = false;                       ///< the server takes marks back
   bool can_record = false;                     ///< a recording can begin while the session runs
   double tip_radius_nm = 20;                   ///< drawn; the server does not tell it
   view_model::ScalingRegion region{};

@@ -104,6 +104,8 @@ class Viewer {
   void handle_keys(double time_s);
   void handle_session_keys(double time_s);
   void handle_scaling_keys();
+  void undo_marks(double time_s);
+  void tell_undo(double time_s);
   void move_hand_by_keys(double nm_per_pixel);
   void take_played(double time_s);
   void handle_mouse(const Layout& layout, double time_s);
@@ -154,6 +156,7 @@ class Viewer {
   view_model::Measurement measurement_;
   NoteBox note_box_;
   bool guide_ = false;
+  std::uint32_t undo_told_ = 0;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
   bool surface_wanted_ = false;

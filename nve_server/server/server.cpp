@@ -90,6 +90,7 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
   }
   if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
   if (!scene.to_fetch) handshake.feature_bits &= ~std::uint64_t{link::kFeatureScene};
+  if (!limits.keeps_marks) handshake.feature_bits &= ~std::uint64_t{link::kFeatureUndo};
   if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
   // A log of steps asks for a slave whose state they make.
   constexpr std::uint64_t kLogs = link::kFeatureStepLog | link::kFeatureSharedLog;
@@ -386,6 +387,8 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
     record.control.observe(command.control);
   }
 
+  const std::uint32_t undo_faults = undo(slot, command);
+
   link::Reply reply;
   reply.session_id = session.session_id;
   reply.sequence = ++session.reply_sequence;
@@ -393,7 +396,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.command_send_time_ns = command.send_time_ns;
   reply.epoch = session.epoch;
   reply.contact_state = tip.output.contact_state;
-  reply.fault_bits = tip.output.fault_bits;
+  reply.fault_bits = tip.output.fault_bits | undo_faults;
   reply.force_w_nn = tip.output.force_w_nn;
   reply.tip_pos_w_nm = tip.output.tip_pos_w_nm;
   reply.deflection_nm = tip.output.deflection_nm;

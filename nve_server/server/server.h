@@ -118,6 +118,7 @@ struct ServerCounters {
   std::uint64_t handed_out = 0;    ///< left to other servers at the end
   std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
   std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
+  std::uint64_t undone = 0;        ///< strokes of marks taken back
   std::uint64_t cut = 0;           ///< steps that ended before their way did, for the same reason
 
   void add(const ServerCounters& more) noexcept {
@@ -137,6 +138,7 @@ struct ServerCounters {
     work += more.work;
     deferred += more.deferred;
     cut += more.cut;
+    undone += more.undone;
   }
 };
 
@@ -269,6 +271,8 @@ class Server {
   bool within_rate(std::size_t slot, const net::Address& from, std::int64_t now_ns) noexcept;
   void begin_rate(std::size_t slot) noexcept;
   double active_hz() const noexcept;
+  /// The wish to take marks back, if this command has one; the fault bits of its reply.
+  std::uint32_t undo(std::size_t slot, const link::Command& command) noexcept;
   double work_left(std::size_t slot, std::int64_t now_ns) noexcept;
   void take_work(std::size_t slot, double work) noexcept;
   std::size_t on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,

@@ -241,6 +241,29 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   return tip.output.work;
 }
 
+std::uint32_t Server::undo(std::size_t slot, const link::Command& command) noexcept {
+  if ((table_[slot].feature_bits & link::kFeatureUndo) == 0) return 0;
+  SessionRecord& record = records_[slot];
+  const bool asks = (command.flags & link::kFlagUndo) != 0;
+  const bool begins = asks && !record.undo_asked;
+  record.undo_asked = asks;
+  if (!asks) record.undo_refused = false;
+  if (begins) {
+    Tip& tip = tip_of(slot);
+    const slave::SlaveOutput last = tip.output;
+    const bool may = standing_.rights >= net::Rights::kOperate && is_anchored(slot, command.tip_hold) &&
+                     (last.fault_bits & link::kFaultRetracted) == 0;
+    record.undo_refused = !may || tip.slave->undo_marks(tip.output) != slave::UndoResult::kDone;
+    if (!record.undo_refused) {
+      if (shared()) record.account.add(last, tip.output);
+      if (record.steps.enabled()) record.steps.declare_break(link::kBreakUndo);
+      record.changed = true;
+      ++counters_.undone;
+    }
+  }
+  return record.undo_refused ? std::uint32_t{link::kFaultUndo} : 0;
+}
+
 /// Beyond the session's share, and where a newer command waits, a command moves nothing: its place is in the
 /// newer one's, its time and its energies are added to that. Only a stop never waits.
 void Server::move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,

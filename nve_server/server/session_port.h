@@ -45,6 +45,8 @@ struct SessionRecord {
   link::FrozenState frozen;        ///< of the slave, while the station fetches it
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session
   link::PortControl last_control;  ///< of the newest command: that of steps which come to their turn later
+  bool undo_asked = false;         ///< by the newest command: link::kFlagUndo,
+  bool undo_refused = false;       ///< and nothing was taken back
   bool operates = true;            ///< the right of the newest command
   WorkBudget work;
   std::size_t party = 0;                 ///< place of its party's budget, if that is still there

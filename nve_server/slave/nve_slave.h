@@ -113,6 +113,8 @@ class NveSlave final : public Slave {
     return true;
   }
 
+  UndoResult undo_marks(SlaveOutput& output) noexcept override;
+
   /// Of the last step; 0: no contact, and beside a particle.
   double contact_radius_nm() const noexcept {
     return scene_->particle ? 0 : port().solution.contact_radius_nm;

@@ -31,6 +31,13 @@ struct SlaveInput {
   std::uint32_t work_most = UINT32_MAX;
 };
 
+/// What became of the wish to take back the last stroke of marks.
+enum class UndoResult : std::uint8_t {
+  kDone,
+  kTouches,  ///< the tip touches, or would: lift it first
+  kNothing,  ///< there is no stroke to take back, or it is too long ago, or too large
+};
+
 /// SlaveOutput::measurement_age_ns of a slave that measures, but has not measured yet.
 inline constexpr std::int64_t kNeverMeasuredNs = INT64_MAX;
 
@@ -72,7 +79,8 @@ struct SlaveLimits {
   /// Balances a second that this slave makes besides one a step, whatever moves (a mode of the probe): 0 to
   /// some 10⁵.
   double balances_per_s = 0;
-  bool measures = false;  ///< forces are an instrument's readings, which grow old; a model's do not
+  bool keeps_marks = false;  ///< and can take back the last strokes of them
+  bool measures = false;     ///< forces are an instrument's readings, which grow old; a model's do not
 };
 
 /// Seam: whatever touches the sample: the nanoscale virtual environment, or a real AFM.
@@ -97,6 +105,10 @@ class Slave {
   /// What the last step said, or the one before a load(); without a local model. False: it does not know.
   virtual bool say_again(SlaveOutput& /*output*/) noexcept { return false; }
   virtual std::size_t snapshot_bytes_max() const noexcept { return 0; }
+  /// The sample as it was before the last stroke of marks, from touching to parting; the tip stays where it is, and
+  /// nobody is given energy for it. `output` as if a step had been made without moving. Else nothing has changed.
+  /// Never throws, waits or allocates.
+  virtual UndoResult undo_marks(SlaveOutput& /*output*/) noexcept { return UndoResult::kNothing; }
   /// The sample's heights as steps leave them, for threads that only look; null: no marks stay in it.
   virtual std::shared_ptr<const surface::HeightView> heights() const { return nullptr; }
 };

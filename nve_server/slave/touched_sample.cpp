@@ -223,6 +223,7 @@ template void TouchedSample::write(StateWriter&) const noexcept;
 void TouchedSample::unmark() noexcept {
   marked_->fields_to_restore().unmark();
   marked_->set_last_step({});
+  marked_->forget_strokes();
   physics::SplineSurface& surface = marked_->surface_to_restore();
   if (!surface.marked()) return;
   const auto& scan = static_cast<const physics::SplineSurface&>(*scene_->surface);

@@ -51,6 +51,10 @@ class TouchedSample {
   /// Whether the last trial balanced the particle together with the tip, which takes longer.
   bool balances_particle() const noexcept { return particle_ && !particle_->trial_alone; }
 
+  /// MarkedPotential::exchange_stroke() and keep_undone(); false: there is nothing to take back.
+  bool exchange_stroke() noexcept { return marked_ && marked_->exchange_stroke(); }
+  void keep_undone() noexcept { marked_->keep_undone(); }
+
   /// Of what marks have changed of the fields; 0: nothing.
   std::uint64_t marks_digest() const noexcept { return marked_ ? marked_->fields().marks_digest() : 0; }
   /// Bytes that write() may need for what marks have changed.

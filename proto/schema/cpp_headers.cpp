@@ -177,6 +177,7 @@ struct Nonzero {
   }
   std::string all;
   for (int bit = wire::Feature_MIN; bit <= wire::Feature_MAX; ++bit) {
+    if (!wire::Feature_IsValid(bit)) continue;
     const std::string constant = feature_constant(static_cast<wire::Feature>(bit));
     out += "static_assert(" + constant + " == std::uint64_t{1} << " + std::to_string(bit) + ");\n";
     all += (all.empty() ? "" : " | ") + constant;

@@ -9,7 +9,7 @@ import telenano_pb2 as pb
 from programs import SCENES, counted, now_ns, serve, udp
 from station import Station
 from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY,
-                  FEATURE_SHARED_LOG, FEATURE_STEP_LOG,
+                  FAULT_UNDO, FEATURE_SHARED_LOG, FEATURE_STEP_LOG, FEATURE_UNDO, UNDO,
                   FEATURE_PARTICLE, FEATURE_SCENE, FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, features_used, vector)
 
 RATE_HZ = 200
@@ -481,6 +481,45 @@ class StationAtTheServer(unittest.TestCase):
         client.connect()
         other = self.log_path(client, lambda k: (0.003 * k, 0, max(start[2] - 0.06 * k, -3) - 0.1 * (k == 700)), 1000)
         self.assertNotEqual(other.state_hash, replies[0].state_hash)
+        client.send(client.station.end())
+        self.end()
+
+    def test_marks_are_taken_back_stroke_by_stroke(self):
+        client = Client(self, self.server, features=ALL | FEATURE_UNDO)
+        self.assertFalse(client.connect().feature_bits & FEATURE_UNDO, "this sample keeps no marks")
+        client.send(client.station.end())
+        self.end()
+        self.child, self.server = serve(self, "lithography", "--timeout-ms", "5000")
+        client = Client(self, self.server, features=KNOWN_FEATURES & ~FEATURE_SHARING & ~FEATURE_PARTICLE | FEATURE_UNDO)
+        self.assertTrue(client.connect().feature_bits & FEATURE_UNDO)
+        client.check = client.replies.append
+        start = vector(client.station.welcome, "start_pos_w_{}_nm")
+
+        def press():
+            """Down to 12 nm below where the bare sample is touched, up again: the tip's height as 20 nN push back."""
+            before = len(client.replies)
+            client.run(lambda s: (0, 0, max(start[2] - 60 * s, -12)), start[2] / 60 + 0.4)
+            client.run(lambda s: (0, 0, min(-12 + 60 * s, start[2])), start[2] / 60 + 0.4)
+            return next(r.tip_pos_w_z_nm for r in client.replies[before:] if r.force_w_z_nn > 20)
+
+        def ask(times=20):
+            client.run(lambda s: (0, 0, start[2]), times / RATE_HZ, flags=CLUTCH | DEADMAN | UNDO)
+            faults = client.replies[-1].fault_bits
+            client.run(lambda s: (0, 0, start[2]), 10 / RATE_HZ)
+            self.assertFalse(client.replies[-1].fault_bits & FAULT_UNDO, "no longer asked")
+            return faults & FAULT_UNDO
+
+        first = press()
+        again = press()
+        self.assertLess(again, first - 1.5, "there is a dent")
+        self.assertFalse(ask(), "taken back")
+        # Where the second press left no mark of its own, that was the only stroke; else one more is to go.
+        while not ask():
+            pass
+        out = client.replies[-1].energy_out_aj
+        # Commands 5 ms apart at 60 nm/s: 0.3 nm, on a busy machine the double.
+        self.assertAlmostEqual(press(), first, delta=0.7, msg="the bare sample again")
+        self.assertGreaterEqual(client.replies[-1].energy_out_aj, out)
         client.send(client.station.end())
         self.end()
 

@@ -24,8 +24,8 @@ SNAPSHOT_PIECE_BYTES = 432
 STEPS_BYTES = range(10, 301)
 
 globals().update({f"FEATURE_{name}": 1 << bit for name, bit in schema.Feature.items()})
-#: station.py and server.py do not ask for the log of steps, nor grant it; they know it on the wire.
-KNOWN_FEATURES = sum(1 << bit for name, bit in schema.Feature.items() if name not in ("STEP_LOG", "SHARED_LOG"))
+#: station.py and server.py do not ask for the log of steps or for undo, nor grant them; they know it on the wire.
+KNOWN_FEATURES = sum(1 << bit for name, bit in schema.Feature.items() if name not in ("STEP_LOG", "SHARED_LOG", "UNDO"))
 
 
 def feature_fields():
@@ -44,10 +44,11 @@ def feature_fields():
 
 FEATURE_FIELDS = feature_fields()
 
-CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER = 1, 2, 4, 8, 16
+CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER, UNDO = 1, 2, 4, 8, 16, 32
 REFUSE_VERSION, REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN = 1, 2, 3, 4
 BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION = 1, 2, 3, 4, 5
 FAULT_RETRACTED = 1 << 3
+FAULT_UNDO = 1 << 8
 
 #: A record of Command.recent_commands: age_ns, flags, position, energy, wave's sum.
 RECENT = struct.Struct("<II3dd3d")

@@ -73,6 +73,7 @@ void RealTimeSession::run() noexcept {
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
     sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
     if (servers_ != nullptr) follow_servers(sample, tick.woke_ns);
+    follow_undo(sample);
     note_tip(sample);
     summary_.add(sample);
     if (recorder_ != nullptr) {
@@ -188,6 +189,7 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventPractice, "practice link",
                                             static_cast<std::uint32_t>(asked.practice->rtt_ms)));
   }
+  if (asked.undo) undo_marks(before);
   // One a tick is more than a person writes.
   if (view_model::Note note; requests_->take_note(note) && recorder_ != nullptr)
     recorder_->push(note_event(note));
@@ -196,6 +198,48 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
     if (recorder_ != nullptr)
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventMark, "mark", marks_));
   }
+}
+
+/// At the screen, or at a time that was given.
+void RealTimeSession::undo_marks(const recording::Sample& before) noexcept {
+  if (!loop_.undo_marks(before.now_ns)) return;
+  if (recorder_ != nullptr)
+    recorder_->push(recording::make_event(before.tick, before.time_s, kEventUndo, "undo of marks asked"));
+}
+
+void RealTimeSession::follow_undo(const recording::Sample& sample) noexcept {
+  if (undo_at_s_ > 0 && sample.time_s >= undo_at_s_) {
+    undo_at_s_ = 0;
+    undo_marks(sample);
+  }
+  const loop::UndoAnswer now = loop_.undo_answer();
+  if (now == undo_told_) return;
+  undo_told_ = now;
+  using view_model::UndoText;
+  UndoText text = UndoText::kAsked;
+  const char* event = nullptr;
+  switch (now) {
+    case loop::UndoAnswer::kNone:
+    case loop::UndoAnswer::kAsked:
+      break;
+    case loop::UndoAnswer::kDone:
+      text = UndoText::kDone;
+      event = "last stroke of marks taken back";
+      break;
+    case loop::UndoAnswer::kRefused:
+      text = UndoText::kRefused;
+      event = "marks not taken back: refused";
+      break;
+    case loop::UndoAnswer::kNoAnswer:
+      text = UndoText::kNoAnswer;
+      event = "marks not taken back: no answer";
+      break;
+  }
+  if (event != nullptr) undo_text_ = event;
+  if (requests_ != nullptr) requests_->show(view_model::UndoShown{text, ++undo_shown_});
+  if (event != nullptr && recorder_ != nullptr)
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventUndo, event,
+                                          static_cast<std::uint32_t>(now)));
 }
 
 /// A tenth of change is worth a row, twice a second at most: what is between is in the commands that were

@@ -55,6 +55,8 @@ inline constexpr std::uint32_t kEventPractice =
 inline constexpr std::uint32_t kEventScale =
     111;  ///< changed with the link; value: the force scale from here on
 
+inline constexpr std::uint32_t kEventUndo = 112;  ///< of marks; value: loop::UndoAnswer
+
 /// What the loop tells the progress line.
 struct Progress {
   double time_s = 0;
@@ -115,6 +117,10 @@ class RealTimeSession {
                   const loop::LinkOptions& link = {});
 
   /// Of a shared tip: link::kFlagTakeOver or link::kFlagHandOver. Before run().
+  /// Takes the last stroke of marks back at that time of the session, as a person at the screen would.
+  void undo_at(double time_s) noexcept { undo_at_s_ = time_s; }
+  /// What became of the last wish to do so; null: there was none, or it is not known yet.
+  const char* undo_text() const noexcept { return undo_text_; }
   void set_tip_wish(std::uint32_t flags) noexcept { loop_.set_tip_wish(flags); }
 
   /// The method follows the link (control::MethodChoice) until a person says which, before run().
@@ -170,6 +176,8 @@ class RealTimeSession {
   void keep_plan(const recording::Sample& before, double dt_s) noexcept;
   void follow_link(const recording::Sample& before, double dt_s) noexcept;
   void follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept;
+  void undo_marks(const recording::Sample& before) noexcept;
+  void follow_undo(const recording::Sample& sample) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
   void record_rate(const recording::Sample& sample) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
@@ -223,6 +231,10 @@ class RealTimeSession {
   bool last_observes_ = false;
   double last_rate_hz_ = 0;
   double last_rate_s_ = 0;
+  double undo_at_s_ = 0;  // 0: never
+  loop::UndoAnswer undo_told_ = loop::UndoAnswer::kNone;
+  std::uint32_t undo_shown_ = 0;
+  const char* undo_text_ = nullptr;
   station::TwinState last_twin_ = station::TwinState::kNone;
 };
 

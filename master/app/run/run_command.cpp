@@ -67,6 +67,12 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
           "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
       ->capture_default_str();
   command
+      .add_option(
+          "--undo-marks-at", options.undo_marks_at_s,
+          "Take the last stroke of marks back at this time of the session, s; the tip must be off the "
+          "sample then. In the window: U")
+      ->check(CLI::Range(0.001, 1e6));
+  command
       .add_option_function<std::string>(
           "--practice-link",
           [&options](const std::string& text) {

@@ -30,6 +30,7 @@ struct RunOptions : connection::ServerAccess {
   std::string send_hz;  ///< "auto" or a number; empty: the station file's
   std::string dscp = "ef";
   std::optional<link::PracticeLink> practice;
+  std::optional<double> undo_marks_at_s;
   std::string metrics;
   bool metrics_public = false;
   std::string record;

@@ -599,6 +599,9 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                       newest_ground(scene, station), options.practice}))
     live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
+  if (options.undo_marks_at_s && (welcome.feature_bits & link::kFeatureUndo) == 0)
+    throw UserError("--undo-marks-at: the server's sample keeps no marks, or it cannot take them back");
+  if (options.undo_marks_at_s) live.undo_at(*options.undo_marks_at_s);
   live.set_scene_pipe(scene.pipe());
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
@@ -624,6 +627,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     if (std::exchange(concluded, true)) return;
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
     if (recorder) recorder->close();
+    if (live.undo_text() != nullptr) fmt::print("{}\n", live.undo_text());
     session_file.remove();  // ended by a Bye, one way or the other
     print_summary(live.summary(), live.timer_stats(), recorder.get(), recorded);
     print_sending(live.progress());

@@ -180,6 +180,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   facts.tip_radius_nm = options_.tip_radius_nm;
   facts.text_size = options_.text_size;
   facts.can_record = window_;
+  facts.can_undo = (session.feature_bits & link::kFeatureUndo) != 0;
   const control::Scaling& planned = session.station.scaling;
   view_model::ScalingRegion& region = facts.region;
   for (const control::Method method : control::kAllMethods) {

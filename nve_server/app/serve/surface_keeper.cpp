@@ -12,6 +12,7 @@
 #include "telenano/common/rt/spsc_queue.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/surface/mark_journal.h"
+#include "telenano/nve_server/physics/surface/stroke_history.h"
 
 namespace telenano::app {
 namespace {
@@ -53,12 +54,21 @@ int highest_number(const std::string& folder, const std::string& stem) {
 
 /// A session's surface as the keeper's thread has it.
 struct SurfaceKeeper::Kept final : physics::MarkJournal {
-  void on_mark(const physics::Mark& mark) noexcept override { marks.push(mark); }
+  void on_mark(const physics::Mark& mark) noexcept override { heard.push({What::kMark, mark}); }
+  void on_stroke() noexcept override { heard.push({What::kStroke, {}}); }
+  void on_undo() noexcept override { heard.push({What::kUndo, {}}); }
+
+  enum class What : std::uint8_t { kMark, kStroke, kUndo };
+  struct Heard {
+    What what = What::kMark;
+    physics::Mark mark;
+  };
 
   int number = 0;
-  rt::SpscQueue<physics::Mark> marks{kMarksWaiting};
+  rt::SpscQueue<Heard> heard{kMarksWaiting};
   // The keeper's thread's own, once it knows of the session.
   std::unique_ptr<physics::SplineSurface> surface;  // null: no marks yet
+  std::unique_ptr<physics::StrokeHistory> strokes;  // of that
   std::string file;                                 // empty: none yet
   bool changed = false;
   bool told = false;
@@ -97,6 +107,9 @@ class SurfaceKeeper::KeptSlave final : public slave::Slave {
     }
   }
   bool say_again(slave::SlaveOutput& output) noexcept override { return slave_->say_again(output); }
+  slave::UndoResult undo_marks(slave::SlaveOutput& output) noexcept override {
+    return slave_->undo_marks(output);
+  }
   std::size_t snapshot_bytes_max() const noexcept override { return slave_->snapshot_bytes_max(); }
   std::shared_ptr<const surface::HeightView> heights() const override { return slave_->heights(); }
 
@@ -201,20 +214,38 @@ void SurfaceKeeper::run() {
 /// Presses what has come into the copy.
 void SurfaceKeeper::follow(Kept& kept) const {
   try {
-    physics::Mark mark;
-    while (!kept.told && kept.marks.pop(mark)) {
+    Kept::Heard next;
+    while (!kept.told && kept.heard.pop(next)) {
       if (!kept.surface) {
         kept.surface = std::make_unique<physics::SplineSurface>(
             dynamic_cast<const physics::SplineSurface&>(*scene_->surface));
       }
-      kept.surface->press(mark);
+      physics::SplineSurface& surface = *kept.surface;
+      if (!kept.strokes) {
+        kept.strokes = std::make_unique<physics::StrokeHistory>(std::vector<std::size_t>{surface.tiles()});
+        surface.keep_strokes_in(kept.strokes.get(), 0);
+      }
+      switch (next.what) {
+        case Kept::What::kMark:
+          surface.press(next.mark);
+          break;
+        case Kept::What::kStroke:
+          kept.strokes->begin(surface.marked());
+          break;
+        case Kept::What::kUndo:
+          kept.strokes->each_of_last(
+              [&](std::size_t, std::size_t tile, double* values) { surface.exchange_tile(tile, values); });
+          surface.settle(kept.strokes->marked_before());
+          kept.strokes->drop_last();
+          break;
+      }
       kept.changed = true;
     }
   } catch (const std::exception& error) {
     kept.told = true;
     std::fprintf(stderr, "telenano-nve: warning: %s\n", error.what());
   }
-  if (kept.told || kept.marks.dropped() == 0) return;
+  if (kept.told || kept.heard.dropped() == 0) return;
   kept.told = true;
   std::fprintf(stderr,
                "telenano-nve: warning: marks of session %d came faster than this machine could follow: its "

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
@@ -20,6 +21,13 @@ constexpr double kPiece = 1.1;        // of a*
 constexpr int kMostPieces = 64;
 constexpr double kMostRadii = 300;  // tip radii: the potential has twice that (branch_potential.h)
 constexpr double kLeastCosine = 0.1;
+
+/// Of each grid of the fields, and of the heights.
+std::vector<std::size_t> tiles_of(const ScanFields& fields, const SplineSurface& heights) {
+  std::vector<std::size_t> tiles = fields.tiles_of_grids();
+  tiles.push_back(heights.tiles());
+  return tiles;
+}
 
 }  // namespace
 
@@ -44,7 +52,10 @@ MarkedPotential::MarkedPotential(const ScanFields& unmarked, const SplineSurface
       equilibrium_(fields_, scene.shared_potential(), friction),
       tip_radius_nm_(unmarked.tip_radius_nm()),
       last_radius_nm_(kMostRadii * unmarked.tip_radius_nm()),
-      pile_up_(pile_up) {
+      pile_up_(pile_up),
+      strokes_(tiles_of(fields_->ground, heights_)) {
+  fields_->ground.keep_strokes_in(&strokes_);
+  heights_.keep_strokes_in(&strokes_, fields_->ground.grid_count());
   if (!(pile_up >= 0.0 && pile_up <= 1.0)) {
     throw UserError("marks: pile-up must be within 0 and 1, not " + std::to_string(pile_up));
   }
@@ -181,6 +192,27 @@ TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
   return solution;
 }
 
+bool MarkedPotential::exchange_stroke() noexcept {
+  if (strokes_.empty()) return false;
+  const std::size_t of_heights = fields_->ground.grid_count();
+  strokes_.each_of_last([&](std::size_t grid, std::size_t tile, double* values) {
+    if (grid == of_heights) {
+      heights_.exchange_tile(tile, values);
+    } else {
+      fields_->ground.exchange_tile(grid, tile, values);
+    }
+  });
+  return true;
+}
+
+void MarkedPotential::keep_undone() noexcept {
+  heights_.settle(strokes_.marked_before());
+  strokes_.drop_last();
+  last_ = {};
+  in_stroke_ = false;
+  if (journal_ != nullptr) journal_->on_undo();
+}
+
 void MarkedPotential::accept(const TipSolution& accepted) noexcept {
   last_ = {true,
            accepted.under_way,
@@ -188,10 +220,16 @@ void MarkedPotential::accept(const TipSolution& accepted) noexcept {
            accepted.apex_w_nm,
            accepted.potential_aj,
            accepted.friction_stored_aj};
+  if (!(accepted.contact_radius_nm > 0.0)) in_stroke_ = false;
   const TipFlow& yielded = accepted.yielded;
   const PlasticFlow& flow = yielded.flow;
   if (!(pending_lowered_nm_ > 0.0) || !(flow.depth_nm > 0.0)) return;
   ++marks_;
+  if (!in_stroke_) {
+    in_stroke_ = true;
+    strokes_.begin(heights_.marked());
+    if (journal_ != nullptr) journal_->on_stroke();
+  }
   const double per_depth = pending_lowered_nm_ / flow.depth_nm;
   pending_lowered_nm_ = 0;
   const double ratio = flow.radius_nm / yielded.from_radius_nm;

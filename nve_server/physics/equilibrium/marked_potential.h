@@ -8,6 +8,7 @@
 #include "telenano/nve_server/physics/surface/mark_journal.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "telenano/nve_server/physics/surface/spline_surface.h"
+#include "telenano/nve_server/physics/surface/stroke_history.h"
 
 namespace telenano::physics {
 
@@ -67,6 +68,16 @@ class MarkedPotential {
     double potential_aj = 0;
     double friction_stored_aj = 0;
   };
+  /// Strokes are kept, as many as StrokeHistory holds: from the first mark after touching to parting. exchange_stroke()
+  /// puts the ground back to what it was before the last of them; once more, and it is as now. Then keep_undone(), or
+  /// not. False: there is none.
+  bool exchange_stroke() noexcept;
+  void keep_undone() noexcept;
+  /// Nothing of what has been pressed until now can be taken back.
+  void forget_strokes() noexcept {
+    strokes_.clear();
+    in_stroke_ = false;
+  }
   const LastStep& last_step() const noexcept { return last_; }
   void set_last_step(const LastStep& last) noexcept { last_ = last; }
   /// Steps that left a mark.
@@ -126,6 +137,8 @@ class MarkedPotential {
   LastStep last_;
   std::uint64_t marks_ = 0;
   MarkJournal* journal_ = nullptr;
+  StrokeHistory strokes_;
+  bool in_stroke_ = false;  // the tip has marked since it touched
 };
 
 }  // namespace telenano::physics

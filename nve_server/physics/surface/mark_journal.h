@@ -11,6 +11,10 @@ class MarkJournal {
  public:
   virtual ~MarkJournal() = default;
   virtual void on_mark(const Mark& mark) noexcept = 0;
+  /// A stroke begins with the next mark.
+  virtual void on_stroke() noexcept {}
+  /// The last stroke that was not taken back yet is, of marks since this one listens or of others.
+  virtual void on_undo() noexcept {}
 };
 
 }  // namespace telenano::physics

@@ -20,6 +20,7 @@
 #include "telenano/nve_server/physics/surface/height_grid.h"
 #include "telenano/nve_server/physics/surface/softening.h"
 #include "telenano/nve_server/physics/surface/softening_table.h"
+#include "telenano/nve_server/physics/surface/stroke_history.h"
 
 namespace telenano::physics {
 
@@ -111,6 +112,13 @@ class ScanFields final : public ContactFields {
   /// a negative depth, radius or pile-up, changes nothing, nor does one on fields that are not for_marks().
   /// No allocation. Takes O(radius²/node²).
   void press(const FieldMark& mark) noexcept;
+  /// From now on keeps there what each tile was before a stroke changed it; null: nobody. Grids are numbered as
+  /// Pressed::grid.
+  void keep_strokes_in(StrokeHistory* history) noexcept { strokes_ = history; }
+  std::vector<std::size_t> tiles_of_grids() const;
+  std::size_t grid_count() const noexcept { return grids_.size() + layers_.size(); }
+  /// The tile has these values, and they those that it had. Does not allocate.
+  void exchange_tile(std::size_t grid, std::size_t tile, double* values) noexcept;
   /// Cosine of the feet at an apex, and ρ there as it was before any mark, both at the softening that
   /// contact_at() has there.
   void ground_at(const Vec3& apex_w_nm, double& cosine, double& unmarked_log_radius) const noexcept;
@@ -205,6 +213,11 @@ class ScanFields final : public ContactFields {
     void need(int left, int right, int low, int high) const noexcept;
     void copy_tile(int across, int along) noexcept;
     void make_usable(int first_column, int last_column, int first_row, int last_row) noexcept;
+    /// Each line of a tile: use(where it begins, how many values).
+    template <class Use>
+    void each_line(std::size_t tile, const Use& use) const noexcept;
+    void keep_tiles(StrokeHistory& history, std::size_t grid, int first_column, int last_column,
+                    int first_row, int last_row) const noexcept;
     /// Of a coefficient, by place and bits, of what marks may change.
     std::uint64_t word(std::size_t number) const noexcept;
     class Changing;
@@ -220,7 +233,7 @@ class ScanFields final : public ContactFields {
   static constexpr int kLayerLanes = 4;  // H, ρ, c, 0
   static constexpr std::size_t kMostTogether = 8;
   void press_alike(const Grid& one, const FieldMark& mark, double x, double y) noexcept;
-  static void press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept;
+  void press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept;
   const Layer* layer_of(double softening_nm) const noexcept;
   ScanFields() = default;
   /// All but the coefficients; the lattice of the coarsest grid.
@@ -257,6 +270,7 @@ class ScanFields final : public ContactFields {
   void blended(const Place& place, const Cell& finest_cell, const double (&finest)[6], double z_nm,
                const SofteningLevel& level, ContactJet& jet) const noexcept;
 
+  std::size_t number_of_grid(const Grid& grid) const noexcept;
   Grid* grid_of(std::uint32_t number) noexcept {
     if (number < grids_.size()) return &grids_[number];
     return number - grids_.size() < layers_.size() ? &layers_[number - grids_.size()].grid : nullptr;
@@ -271,6 +285,7 @@ class ScanFields final : public ContactFields {
   std::vector<Grid> grids_;
   std::vector<Layer> layers_;
   std::shared_ptr<Tiles> tiles_;  // of a large scan
+  StrokeHistory* strokes_ = nullptr;
 };
 
 template <class Found>

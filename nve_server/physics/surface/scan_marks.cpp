@@ -236,6 +236,62 @@ void ScanFields::Grid::make_usable(int first_column, int last_column, int first_
   }
 }
 
+template <class Use>
+void ScanFields::Grid::each_line(std::size_t tile, const Use& use) const noexcept {
+  const int across = static_cast<int>(tile) % tiles_across, along = static_cast<int>(tile) / tiles_across;
+  const int count = std::min(kTile, columns + 2 - across * kTile);
+  const int last = std::min((along + 1) * kTile, rows + 2);
+  for (int j = along * kTile; j < last; ++j) {
+    use(static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
+            static_cast<std::size_t>(across * kTile) * static_cast<std::size_t>(lanes),
+        static_cast<std::size_t>(count) * static_cast<std::size_t>(lanes));
+  }
+}
+
+// They are usable, so that they are in `own`.
+void ScanFields::Grid::keep_tiles(StrokeHistory& history, std::size_t grid, int first_column, int last_column,
+                                  int first_row, int last_row) const noexcept {
+  static_assert(StrokeHistory::kTileValues >= std::size_t{kTile} * kTile * kLanes);
+  for (int along = first_row / kTile; along <= last_row / kTile; ++along) {
+    for (int across = first_column / kTile; across <= last_column / kTile; ++across) {
+      const auto tile = static_cast<std::size_t>(along * tiles_across + across);
+      double* to = history.keep(grid, tile);
+      if (to == nullptr) continue;
+      each_line(tile, [&](std::size_t at, std::size_t count) {
+        std::memcpy(to, own + at, count * sizeof(double));
+        to += count;
+      });
+    }
+  }
+}
+
+std::vector<std::size_t> ScanFields::tiles_of_grids() const {
+  std::vector<std::size_t> tiles;
+  for (const Grid& grid : grids_) tiles.push_back(grid.copied.size());
+  for (const Layer& layer : layers_) tiles.push_back(layer.grid.copied.size());
+  return tiles;
+}
+
+std::size_t ScanFields::number_of_grid(const Grid& grid) const noexcept {
+  for (std::size_t g = 0; g < grids_.size(); ++g)
+    if (&grids_[g] == &grid) return g;
+  for (std::size_t i = 0; i < layers_.size(); ++i)
+    if (&layers_[i].grid == &grid) return grids_.size() + i;
+  return 0;
+}
+
+void ScanFields::exchange_tile(std::size_t grid, std::size_t tile, double* values) noexcept {
+  Grid& of = *grid_of(static_cast<std::uint32_t>(grid));
+  const auto lanes = static_cast<std::size_t>(of.lanes);
+  of.each_line(tile, [&](std::size_t at, std::size_t count) {
+    for (std::size_t i = 0; i < count; i += lanes) {
+      const Grid::Changing changing(of, (at + i) / lanes);
+      std::swap_ranges(values + i, values + i + lanes, of.own + at + i);
+    }
+    values += count;
+  });
+}
+
 // Of grids that share their nodes: what goes by place alone is found once for all of them.
 void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept {
   const Grid& any = *grids[0];
@@ -279,7 +335,11 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
   const int last_column = last_of(x + reach, any.inv_dx, columns, column);
   const int first_row = first_of(y - reach, any.inv_dy, row);
   const int last_row = last_of(y + reach, any.inv_dy, rows, row);
-  for (Grid* const grid : grids) grid->make_usable(first_column, last_column, first_row, last_row);
+  for (Grid* const grid : grids) {
+    grid->make_usable(first_column, last_column, first_row, last_row);
+    if (strokes_ != nullptr)
+      grid->keep_tiles(*strokes_, number_of_grid(*grid), first_column, last_column, first_row, last_row);
+  }
 
   // The rows and columns that may be within a circle of `extent` radii, in order.
   const auto each_within = [&](double extent, const auto& use) {
@@ -411,6 +471,7 @@ void ScanFields::press(const FieldMark& mark) noexcept {
               right = std::min(grid.columns + 1, column + 2 + kReach);
     const int low = std::max(0, row + 1 - kReach), high = std::min(grid.rows + 1, row + 2 + kReach);
     grid.make_usable(left, right, low, high);
+    if (strokes_ != nullptr) grid.keep_tiles(*strokes_, g, left, right, low, high);
     for (int j = low; j <= high; ++j) {
       for (int i = left; i <= right; ++i) {
         if (i >= column && i <= column + 3 && j >= row && j <= row + 3) continue;

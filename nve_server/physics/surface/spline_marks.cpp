@@ -18,6 +18,10 @@ namespace telenano::physics {
 namespace {
 
 constexpr double kLeastCells = 2.0;  // narrower a crater cannot be on the grid
+constexpr int kTile = 16;
+constexpr int tiles_along(int nodes) noexcept {
+  return (nodes + kTile - 1) / kTile;
+}
 
 }  // namespace
 
@@ -47,6 +51,48 @@ bool SplineSurface::heap_up(double x, double y, double radius, double volume) no
     }
   }
   return true;
+}
+
+std::size_t SplineSurface::tiles() const noexcept {
+  return static_cast<std::size_t>(tiles_along(columns())) * static_cast<std::size_t>(tiles_along(rows()));
+}
+
+template <class Use>
+void SplineSurface::each_in_tile(std::size_t tile, const Use& use) noexcept {
+  const int across = static_cast<int>(tile) % tiles_along(columns());
+  const int along = static_cast<int>(tile) / tiles_along(columns());
+  for (int row = along * kTile; row < std::min((along + 1) * kTile, rows()); ++row) {
+    for (int column = across * kTile; column < std::min((across + 1) * kTile, columns()); ++column)
+      use(column, row);
+  }
+}
+
+void SplineSurface::keep_tiles(int left, int right, int low, int high) noexcept {
+  static_assert(StrokeHistory::kTileValues >= std::size_t{2} * kTile * kTile);
+  if (strokes_ == nullptr) return;
+  for (int along = std::max(low, 0) / kTile; along <= std::min(high, rows() - 1) / kTile; ++along) {
+    for (int across = std::max(left, 0) / kTile; across <= std::min(right, columns() - 1) / kTile; ++across) {
+      const auto tile = static_cast<std::size_t>(along * tiles_along(columns()) + across);
+      double* to = strokes_->keep(history_grid_, tile);
+      if (to == nullptr) continue;
+      each_in_tile(tile, [&](int column, int row) {
+        const Node now = node(column, row);
+        *to++ = now.height_coefficient_nm;
+        *to++ = now.height_nm;
+      });
+    }
+  }
+}
+
+void SplineSurface::exchange_tile(std::size_t tile, double* values) noexcept {
+  each_in_tile(tile, [&](int column, int row) {
+    const Node now = node(column, row);
+    const Node before{values[0], values[1]};
+    values[0] = now.height_coefficient_nm;
+    values[1] = now.height_nm;
+    values += 2;
+    if (!(now == before)) set_node(column, row, before);
+  });
 }
 
 void SplineSurface::press(const Mark& mark) noexcept {
@@ -83,6 +129,10 @@ void SplineSurface::press(const Mark& mark) noexcept {
   // Coefficients within the rim.
   const int first_column = height_.column_of(x - radius), last_column = height_.column_of(x + radius);
   const int first_row = height_.row_of(y - radius), last_row = height_.row_of(y + radius);
+  // All that this mark may change: the nodes round the widest circle, and one more in each direction.
+  const double widest = mark.pile_up > 0.0 ? kHeapReach * radius : radius;
+  keep_tiles(height_.column_of(x - widest) - 1, height_.column_of(x + widest) + 1,
+             height_.row_of(y - widest) - 1, height_.row_of(y + widest) + 1);
   double lost = 0;
   for (int row = first_row; row <= last_row; ++row) {
     const double eta = eta_of(row);

@@ -8,6 +8,7 @@
 #include "telenano/nve_server/physics/surface/bicubic_spline.h"
 #include "telenano/nve_server/physics/surface/height_grid.h"
 #include "telenano/nve_server/physics/surface/mark.h"
+#include "telenano/nve_server/physics/surface/stroke_history.h"
 #include "telenano/nve_server/physics/surface/surface.h"
 
 namespace telenano::physics {
@@ -42,7 +43,14 @@ class SplineSurface final : public Surface {
   /// rim of the grid the mark is made at the nearest point of the rim. A mark that is no number, or has a
   /// negative depth or radius, changes nothing. Takes O(radius²/cell²).
   void press(const Mark& mark) noexcept;
-  HeightGrid heights() const;  ///< at the nodes, as they are now
+  /// As ScanFields has it, of the heights: grid number `grid` of the history.
+  void keep_strokes_in(StrokeHistory* history, std::size_t grid) noexcept {
+    strokes_ = history;
+    history_grid_ = grid;
+  }
+  std::size_t tiles() const noexcept;
+  void exchange_tile(std::size_t tile, double* values) noexcept;  ///< after the last: settle()
+  HeightGrid heights() const;                                     ///< at the nodes, as they are now
   const BicubicSpline& spline() const noexcept { return height_; }
 
   /// What marks have changed, for those who compare two surfaces, or carry one's marks over to another of the
@@ -78,6 +86,9 @@ class SplineSurface final : public Surface {
            static_cast<std::size_t>(column);
   }
   void store(int column, int row, double z_nm) noexcept;
+  void keep_tiles(int left, int right, int low, int high) noexcept;
+  template <class Use>
+  void each_in_tile(std::size_t tile, const Use& use) noexcept;
   bool heap_up(double x_nm, double y_nm, double radius_nm, double volume) noexcept;
 
   double cell_;  // the wider spacing
@@ -85,6 +96,8 @@ class SplineSurface final : public Surface {
   std::vector<double> heights_;  // at the nodes
   double lowest_, highest_;
   bool marked_ = false;
+  StrokeHistory* strokes_ = nullptr;
+  std::size_t history_grid_ = 0;
   std::shared_ptr<surface::HeightView> view_;
 };
 

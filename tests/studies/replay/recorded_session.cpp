@@ -133,6 +133,7 @@ RecordedSession load_session(const std::filesystem::path& path) {
   session.datagrams = reader.datagrams();
   for (const recording::Event& event : reader.events()) {
     if (std::strstr(event.text.data(), "twin: apart") != nullptr) session.apart_at.insert(event.tick);
+    if (std::strcmp(event.text.data(), "undo of marks asked") == 0) session.undo_after.insert(event.tick);
   }
   for (const recording::DatagramRow& row : session.datagrams) session.tells_of_log |= row.epoch != 0;
   session.state_pieces = reader.state_pieces();

@@ -45,6 +45,7 @@ struct RecordedSession {
   std::uint64_t features = 0;         ///< agreed
   std::string twin_scene_hash;        ///< of the twin's scene, likewise; empty: there was none
   double twin_ring_s = 4;             ///< of steps that the station kept
+  std::set<std::int64_t> undo_after;  ///< ticks after which a person asked to take marks back
   std::set<std::int64_t> apart_at;    ///< ticks in which twin and server were found apart
   bool tells_of_log = false;          ///< what the replies said of the log of steps is there
   std::int64_t slave_timeout_ns = 0;  ///< silence after which the slave withdraws, by the server's clock

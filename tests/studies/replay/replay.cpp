@@ -371,6 +371,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
         row.station_mode != static_cast<std::uint32_t>(station::Mode::kStopped))
       station.clear_stop();
 
+    if (recorded.undo_after.contains(row.tick - 1)) loop.undo_marks(row.now_ns);
     loop.send_as_recorded(row.sent_ns != 0);
     device.set(row);
     wire.begin_tick(row.now_ns, {}, &row);

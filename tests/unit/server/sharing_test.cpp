@@ -278,7 +278,7 @@ TEST(SharingOfferedOnlyWhereThereIsOneTip, APrivateServerDoesNotGrantIt) {
   EXPECT_EQ(a.s.client.features(),
             link::kKnownFeatures & ~(link::kFeatureSharing | link::kFeatureRedundancy |
                                      link::kFeatureParticle | link::kFeatureWell | link::kFeatureScene |
-                                     link::kFeatureStepLog | link::kFeatureSharedLog));
+                                     link::kFeatureStepLog | link::kFeatureSharedLog | link::kFeatureUndo));
   EXPECT_TRUE(a.reply().tip.empty());
   // A tip_hold that was not agreed is unexpected.
   link::Command c = a.s.command;

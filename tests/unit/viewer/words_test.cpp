@@ -1,0 +1,312 @@
+// The words of the picture, letter by letter: what they say, and that none lies on another or is cut.
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/viewer/offscreen.h"
+#include "telenano/master/viewer/photographer.h"
+#include "telenano/master/viewer/viewer.h"
+#include "tests/source_dir.h"
+#include "tests/support/view_scene.h"
+#include "tests/unit/viewer/glyphs.h"
+#include "tests/unit/viewer/render_fixture.h"
+
+namespace telenano::viewer {
+namespace {
+
+// Every letter of the frame as the driver gets it, in the states that put the most words on the screen.
+TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
+  facts_.mouse_is_hand = true;
+  facts_.give_up_s = 10;
+  for (const std::string what : {"scan", "plane", "region"}) {
+    make(what != "plane");
+    play(0, 5000);
+    if (what == "region") press(GLFW_KEY_Z);
+    for (const int state : {0, 1, 2, 3, 4, 5, 6, 7}) {
+      recording::Sample s = support::view_sample(5000 + state);
+      if (state >= 5) s.reply_age_ms = 3200;
+      if (state == 6) s.station_mode = static_cast<std::uint32_t>(station::Mode::kHeld);
+      if (state == 7) {
+        s.station_mode = static_cast<std::uint32_t>(station::Mode::kStopped);
+        s.station_faults = station::kFaultStopPressed;
+        s.limit_flags = recording::kLimitObserves;
+        s.measurement_age_ms = 1;
+      }
+      if (state == 1) s.force_w_nn = {-126.3, 88.8, -101.7};
+      if (state == 2) {
+        s.tip_pos_w_nm = s.tip_target_w_nm = {300, 300, 115};
+        s.station_mode = static_cast<std::uint32_t>(station::Mode::kStopped);
+        s.station_faults = station::kFaultStopPressed;
+      }
+      if (state == 3) s.tip_pos_w_nm = s.tip_target_w_nm = {30, 30, 4};
+      if (state == 4) s.rtt_us = 126'000;
+      s.particle_pos_w_nm = recording::xyz(Vec3(s.tip_pos_w_nm[0] + 20, s.tip_pos_w_nm[1], 15));
+      s.particle_radius_nm = state > 2 ? 20.0 : 0.0;
+      s.particle_state = static_cast<std::int64_t>(link::ParticleStatus::kPushed);
+      for (int i = 0; i < 300; ++i) {
+        ++s.tick;
+        s.time_s += 1e-3;
+        ++s.reply_sequence;
+        port_.samples.push(s);
+      }
+      viewer_->take_samples();
+      for (const auto& [wide, high] : {std::pair{640, 480}, {800, 600}, {1280, 800}}) {
+        draw_picture(*viewer_, wide, high, {});
+        EXPECT_EQ(overlaps(drawn_glyphs(ink(palette::kBackground, 0.75f))), "")
+            << what << ", state " << state << ", " << wide << " x " << high;
+        if (const char* folder = std::getenv("TELENANO_LOOK")) {
+          const Picture look = draw_picture(*viewer_, wide, high, {});
+          write_png(
+              std::string(folder) + "/" + what + std::to_string(state) + "_" + std::to_string(wide) + ".png",
+              look);
+        }
+      }
+    }
+  }
+}
+
+// Letters that lie beyond an edge are not drawn at all, or in part: what a wide window says must be said by
+// every other, and no letter may be cut. The numbers are the longest that a session can have.
+TEST_F(Render, NoNumberOfThePanelIsCutAtAnySizeAndScale) {
+  facts_.mouse_is_hand = false;
+  facts_.can_record = true;
+  facts_.practice = link::PracticeLink{};
+  for (const float scale : {1.0f, 1.5f, 2.0f}) {
+    viewer_.reset();
+    viewer_.emplace(facts_, view_model::Ground(support::view_scan(64)), port_, scale);
+    play(0, 1000);
+    recording::Sample s = support::view_sample(1000);
+    s.tip_pos_w_nm = {-1234.5, -1234.5, -123.45};
+    s.force_w_nn = {-1234.6, -1234.6, -1234.6};
+    s.deflection_nm = -12.34;
+    s.hand_force_applied_h_n[2] = -11.23;
+    s.energy_j = -0.12345;
+    s.rtt_us = 123456;
+    s.lost = 1234567;
+    s.jitter_us = 123456;
+    s.force_age_ms = 123.4;
+    s.lateness_us = 123.4;
+    s.overruns = 1234567;
+    port_.samples.push(s);
+    port_.contact.store({1.234, 123.4, true});
+    viewer_->take_samples();
+    // Top and bottom of a panel that scrolls, each without blanks.
+    // STOP is in sight wherever it scrolls.
+    const auto panel_text = [&](int wide, int high) {
+      std::string text;
+      std::string cut;
+      const Layout where = layout_of(wide, high, scale, Views::kBoth);
+      const Canvas canvas(wide, high, 0);
+      ImGuiIO& io = ImGui::GetIO();
+      for (const float wheel : {100.0f, -100.0f}) {
+        for (int i = 0; i < 4; ++i) {
+          canvas.bind();
+          io.DeltaTime = 1.0f / 60;
+          io.MousePos = {static_cast<float>(where.panel.x_px) + 40 * scale,
+                         static_cast<float>(high) - 40 * scale};
+          io.MouseWheel = i == 1 ? wheel : 0;
+          viewer_->draw(wide, high, time_s_ += 1.0 / 60, {});
+        }
+        std::string shown;
+        for (const Glyph& g : drawn_glyphs(ink(palette::kBackground, 0.75f))) {
+          if (g.x0 < static_cast<float>(where.panel.x_px)) continue;
+          shown.push_back(g.letter < 128 ? static_cast<char>(g.letter) : '?');
+          if (g.cut) cut.push_back(shown.back());
+        }
+        EXPECT_NE(shown.find("STOP(Esc)"), std::string::npos) << shown;
+        text += shown + " | ";
+        if (const char* folder = std::getenv("TELENANO_LOOK"); folder != nullptr && wheel < 0)
+          write_png(fmt::format("{}/panel_{}x{}_{:g}.png", folder, wide, high, scale),
+                    {wide, high, canvas.read_rgb()});
+      }
+      EXPECT_EQ(cut, "") << wide << " x " << high << ", scale " << scale << ": " << text;
+      return text;
+    };
+    for (const auto& [wide, high] : {std::pair{640, 480}, {900, 600}, {1280, 800}}) {
+      // The least window of a dense screen has as many of its points.
+      const std::string text = panel_text(static_cast<int>(static_cast<float>(wide) * scale),
+                                          static_cast<int>(static_cast<float>(high) * scale));
+      for (const std::string words :
+           {"-1234.5-1234.5-123.45nm", "-1235-1235-1235", "bent-12.3nm", "-11.23of9.6N", "-123.45mJputin",
+            "RTT123ms,", "lost1234567", "123ms,", "force123msold", "123?s,", "1234567overruns", "1.23nm"}) {
+        EXPECT_NE(text.find(words), std::string::npos)
+            << words << ", " << wide << " x " << high << ", scale " << scale << ": " << text;
+      }
+    }
+  }
+}
+
+// Words grow as far as the window has room for all of them: in the least window not at all.
+TEST_F(Render, WordsAreAsLargeAsAskedForAndLieOnNoOthers) {
+  facts_.mouse_is_hand = true;
+  facts_.can_record = true;
+  facts_.recording.clear();
+  make();
+  play(0, 5000);
+  const auto tallest = [&](int wide, int high) {
+    draw_picture(*viewer_, wide, high, {});
+    const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+    EXPECT_EQ(overlaps(glyphs), "") << wide << " x " << high << ", text " << viewer_->text_size();
+    float most = 0;
+    for (const Glyph& g : glyphs) most = std::max(most, g.y1 - g.y0);
+    return most;
+  };
+  const float least = tallest(640, 480);
+  const float first = tallest(1280, 960);
+  EXPECT_NEAR(first, least, 1);
+  viewer_->set_text_size(1.5);
+  EXPECT_NEAR(tallest(1280, 960), 1.5 * first, 2);
+  EXPECT_NEAR(tallest(640, 480), least, 1);
+  viewer_->set_text_size(9);
+  EXPECT_NEAR(tallest(1280, 960), 2 * first, 2) << "twice 640 x 480";
+}
+
+// What is told in the picture, read back letter by letter.
+TEST_F(Render, TellsWhatAPersonHasToKnow) {
+  facts_.mouse_is_hand = true;
+  facts_.give_up_s = 10;
+  facts_.surface_doubt = "not the scan of 'flakes'";
+  make();
+  play(0, 1500);
+  recording::Sample s = support::view_sample(1500);
+  s.force_w_nn = {12.6, -0.1, 1.7};
+  const auto shown = [&] {
+    s.time_s += 1e-3;
+    ++s.tick;
+    port_.samples.push(s);
+    viewer_->take_samples();
+    draw_picture(*viewer_, 640, 480, {});
+    return drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f)));
+  };
+  const auto has = [](const std::string& text, const std::string& words) {
+    return text.find(words) != std::string::npos;
+  };
+  std::string text = shown();
+  EXPECT_TRUE(has(text, "push12.7nN")) << text;
+  EXPECT_TRUE(has(text, "x+12.6y-0.1z+1.7nN")) << text;
+  EXPECT_TRUE(has(text, "notthescanof'flakes'")) << text;
+  EXPECT_TRUE(has(text, "SIM"));
+  EXPECT_FALSE(has(text, "STALE"));
+  EXPECT_FALSE(has(text, "Observing"));
+  s.limit_flags = recording::kLimitObserves;
+  text = shown();
+  EXPECT_TRUE(has(text, "Observing:thetipisanothersession's")) << text;
+  s.limit_flags = 0;
+  s.reply_age_ms = 3200;
+  s.time_s = 60;
+  text = shown();
+  EXPECT_TRUE(has(text, "STALE3.2s,7sleft")) << text;
+  EXPECT_TRUE(has(text, "3.2sold")) << text;
+  EXPECT_TRUE(has(text, "thesessionendsin7s")) << text;
+  s.reply_age_ms = 1;
+  shown();
+  // The hand's box: 55 nm at this scale.
+  ImGuiIO& io = ImGui::GetIO();
+  const Area area = layout().close_up;
+  io.MousePos = {static_cast<float>(area.x_px + 60), static_cast<float>(area.y_px + 60)};
+  frame();
+  io.MouseDown[0] = true;
+  frame();
+  for (int i = 0; i < 20; ++i) {
+    io.MousePos.x += 300;
+    frame();
+  }
+  text = drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f)));
+  EXPECT_TRUE(has(text, "byatmost55.0nm")) << text;
+  io.MouseDown[0] = false;
+  frame();
+  viewer_->end({true, {"the server at 127.0.0.1:5100 has been silent for 10 s", "after 63.0 s"}});
+  text = shown();
+  EXPECT_TRUE(has(text, "Thesessionhasended")) << text;
+  EXPECT_TRUE(has(text, "hasbeensilentfor10s")) << text;
+  EXPECT_FALSE(has(text, "STOP")) << text;
+  while (asked()) {
+  }
+  press(GLFW_KEY_ESCAPE);
+  EXPECT_FALSE(asked()) << "there is nobody to ask";
+  io.KeyCtrl = true;
+  press(GLFW_KEY_Q);
+  io.KeyCtrl = false;
+  EXPECT_TRUE(viewer_->quit_wanted());
+}
+
+// Down in 2 s and the same way up: the pull is 3 nN at the surface, 0.06 nN less a step of the tip farther
+// (at most 25 pm a row, exp(-0.025/2)), and nothing is lost but what the grid's heights differ from the
+// formula.
+TEST_F(Render, FShowsForceOverDistanceWithNumbers) {
+  make();
+  const auto text = [&] {
+    draw_picture(*viewer_, 1280, 800, {});
+    return drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f)));
+  };
+  const auto has = [](const std::string& shown, const std::string& words) {
+    return shown.find(words) != std::string::npos;
+  };
+  EXPECT_FALSE(has(text(), "overdistance"));
+  press(GLFW_KEY_F);
+  EXPECT_TRUE(has(text(), "Force[nN]overdistance[nm]"));
+  EXPECT_TRUE(has(text(), "notouchyet"));
+  play(0, 2000);
+  EXPECT_TRUE(has(text(), "retract:tocome")) << text();
+  for (std::int64_t i = 0; i < 2000; ++i) {
+    recording::Sample s = support::view_sample(2000 - i);
+    s.tick = 2000 + i;
+    s.time_s = 1e-3 * static_cast<double>(s.tick);
+    s.reply_sequence = s.tick + 1;
+    port_.samples.push(s);
+  }
+  viewer_->take_samples();
+  const std::string shown = text();
+  EXPECT_TRUE(has(shown, "approach:mostpull")) << shown << ": a lever this stiff does not leap";
+  EXPECT_TRUE(has(shown, "retract:pull-off")) << shown;
+  const auto at = shown.find("retract:pull-off");
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_NEAR(std::strtod(shown.c_str() + at + std::string("retract:pull-off").size(), nullptr), -3, 0.06)
+      << shown;
+  EXPECT_TRUE(has(shown, "lost0.0aJ")) << shown;
+  EXPECT_FALSE(viewer_->take_data_wanted());
+  press(GLFW_KEY_D);
+  EXPECT_TRUE(viewer_->take_data_wanted());
+  EXPECT_FALSE(viewer_->take_data_wanted()) << "once";
+  EXPECT_NE(viewer_->data().find("# pull-off: -"), std::string::npos);
+  if (const char* folder = std::getenv("TELENANO_LOOK")) {
+    for (const auto& [wide, high] : {std::pair{640, 480}, {1280, 800}})
+      write_png(std::string(folder) + "/force_" + std::to_string(wide) + ".png",
+                draw_picture(*viewer_, wide, high, {}));
+  }
+  press(GLFW_KEY_F);
+  EXPECT_FALSE(has(text(), "overdistance"));
+}
+
+// From the least window to 4K, at the scales of a screen.
+TEST_F(Render, WordsOfTheForceCurveLieOnNoOthersAtAnySizeAndScale) {
+  for (const float scale : {1.0f, 1.5f, 2.0f}) {
+    viewer_.reset();
+    viewer_.emplace(facts_, view_model::Ground(support::view_scan(256)), port_, scale);
+    viewer_->show_force_curve(true);
+    play(0, 2000);
+    for (const auto& [wide, high] : {std::pair{640, 480}, {1280, 800}, {3840, 2160}}) {
+      const Canvas canvas(wide, high, 0);
+      canvas.bind();
+      ImGui::GetIO().DeltaTime = 1.0f / 60;
+      for (int i = 0; i < 2; ++i) viewer_->draw(wide, high, i / 60.0, {});
+      EXPECT_EQ(overlaps(drawn_glyphs(ink(palette::kBackground, 0.75f))), "")
+          << wide << " x " << high << ", scale " << scale;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace telenano::viewer
