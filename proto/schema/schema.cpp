@@ -146,9 +146,10 @@ Schema read_schema(const google::protobuf::FileDescriptorProto& file) {
   Schema schema;
   for (int bit = wire::Feature_MIN; bit <= wire::Feature_MAX; ++bit) {
     const auto* value = wire::Feature_descriptor()->FindValueByNumber(bit);
-    if (value == nullptr) refuse("Feature", "its bits go from 0, without a gap");
-    schema.features.push_back(
-        {value->options().GetExtension(wire::condition), value->options().GetExtension(wire::besides)});
+    if (value == nullptr) continue;
+    schema.features.push_back({static_cast<wire::Feature>(bit),
+                               value->options().GetExtension(wire::condition),
+                               value->options().GetExtension(wire::besides)});
   }
   for (const EnumDescriptorProto& names : file.enum_type()) schema.value_names.push_back(read_values(names));
   for (const DescriptorProto& message : file.message_type()) schema.messages.push_back(read_message(message));

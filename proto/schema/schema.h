@@ -56,6 +56,7 @@ struct ValueNames {
 };
 
 struct FeatureText {
+  wire::Feature feature{};
   std::string condition;  ///< when it is granted; empty: to whoever asks
   std::string besides;    ///< what it comes with besides its fields; empty: nothing
 };
@@ -63,7 +64,7 @@ struct FeatureText {
 struct Schema {
   std::vector<Message> messages;  ///< in the order of their types
   std::vector<ValueNames> value_names;
-  std::vector<FeatureText> features;  ///< by bit
+  std::vector<FeatureText> features;  ///< in the order of their bits
 };
 
 /// Throws std::runtime_error with a line that names the message and the field, where telenano.proto is not as the

@@ -109,16 +109,14 @@ std::string document_table(const Message& message) {
 
 std::string features_table(const Schema& schema) {
   std::string out = "\n| bit | feature | fields |\n|---|---|---|\n";
-  for (std::size_t bit = 0; bit < schema.features.size(); ++bit) {
-    const auto feature = static_cast<wire::Feature>(bit);
-    const FeatureText& text = schema.features[bit];
+  for (const FeatureText& text : schema.features) {
     std::string fields;
     for (const Message& message : schema.messages) {
-      const std::string numbers = numbers_of(message, feature);
+      const std::string numbers = numbers_of(message, text.feature);
       if (!numbers.empty()) fields += (fields.empty() ? "" : "; ") + message.name + " " + numbers;
     }
     if (!text.besides.empty()) fields += (fields.empty() ? "" : "; ") + text.besides;
-    out += "| " + std::to_string(bit) + " | " + feature_text(feature) +
+    out += "| " + std::to_string(text.feature) + " | " + feature_text(text.feature) +
            (text.condition.empty() ? "" : ": " + text.condition) + " | " + fields + " |\n";
   }
   return out + "\n";
