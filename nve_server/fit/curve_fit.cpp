@@ -546,9 +546,8 @@ double smooth_floor_nm(const PreparedCurve& curve) {
       while (!in && end > 0 && segment->z_nm[end - 1] > curve.touch_z_nm) --end;
     }
     if (end < begin + 40) continue;
-    const auto [low, high] =
-        std::minmax_element(segment->z_nm.begin() + static_cast<std::ptrdiff_t>(begin),
-                            segment->z_nm.begin() + static_cast<std::ptrdiff_t>(end));
+    const auto [low, high] = std::minmax_element(segment->z_nm.begin() + static_cast<std::ptrdiff_t>(begin),
+                                                 segment->z_nm.begin() + static_cast<std::ptrdiff_t>(end));
     const double middle = 0.5 * (*low + *high);
     const double half = std::max(0.5 * (*high - *low), 1e-9);
     const auto points = static_cast<Eigen::Index>(end - begin);
@@ -708,6 +707,16 @@ CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, d
     }
   }
   best = search.descend(best.p, 40);
+  // Each point that passes a leap makes a small step of the cost, before which a descent may stop.
+  const bool steps = at.humidity >= 0 || at.film >= 0;
+  for (int i = 0; steps && i < at.laws; ++i) {
+    for (const double way : {-0.01, 0.01}) {
+      Vector p = best.p;
+      p[i] += way;
+      const Found found = search.descend(p, 40);
+      if (found.good && found.cost < best.cost) best = found;
+    }
+  }
   for (const double end : ends) fit.starts_agree += end <= 1.01 * best.cost + 0.1 ? 1 : 0;
 
   search.evaluate(best.p, cost);
@@ -770,6 +779,12 @@ CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, d
     const double error = std::sqrt(std::max(covariance(i, i), 0.0) * std::max(fit.reduced, 1.0));
     std::optional<double> low = profile_end(search, best, i, -1.0, error, rise);
     std::optional<double> high = profile_end(search, best, i, 1.0, error, rise);
+    // So may a profile: to the one side it ends no nearer than to the other, if the curvature says so, too.
+    if (steps && low && high) {
+      const double wide = std::min(1.96 * error, std::max(best.p[i] - *low, *high - best.p[i]));
+      low = std::min(*low, best.p[i] - wide);
+      high = std::max(*high, best.p[i] + wide);
+    }
     for (const Found& valley : valleys) {
       const double left = rise - (valley.cost - best.cost);
       if (low && valley.p[i] < *low) low = profile_end(search, valley, i, -1.0, error, left);

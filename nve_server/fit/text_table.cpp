@@ -21,16 +21,27 @@ std::vector<std::string_view> split(std::string_view line, char by) {
 }
 
 std::string_view next_line(std::string_view& text) {
-  const std::size_t end = std::min(text.find('\n'), text.size());
+  // A line that ends in both is followed by an empty one, which is passed over.
+  const std::size_t end = std::min(text.find_first_of("\r\n"), text.size());
   const std::string_view line = text.substr(0, end);
   text.remove_prefix(std::min(end + 1, text.size()));
   return trimmed(line);
 }
 
-std::size_t numbers_in(const std::vector<std::string_view>& fields) {
+/// Where no comma parts the columns, it may be the decimal one: 0,5 for 0.5.
+bool read_field(std::string_view text, char by, double& value) {
+  if (read_number(text, value)) return true;
+  const std::size_t comma = by == ',' ? std::string_view::npos : text.find(',');
+  if (comma == std::string_view::npos) return false;
+  std::string with_point(text);
+  with_point[comma] = '.';
+  return read_number(with_point, value);
+}
+
+std::size_t numbers_in(const std::vector<std::string_view>& fields, char by) {
   double value = 0;
-  return static_cast<std::size_t>(
-      std::count_if(fields.begin(), fields.end(), [&](std::string_view f) { return read_number(f, value); }));
+  return static_cast<std::size_t>(std::count_if(
+      fields.begin(), fields.end(), [&](std::string_view f) { return read_field(f, by, value); }));
 }
 
 }  // namespace
@@ -57,6 +68,8 @@ bool read_number(std::string_view text, double& value) {
 
 Table read_table(std::string_view text, const std::string& formats, const std::string& like) {
   Table table;
+  // Spreadsheets begin UTF-8 with a mark.
+  if (text.substr(0, 3) == "\xef\xbb\xbf") text.remove_prefix(3);
   const std::string_view all = text;
   std::string_view header;
   char by = ',';
@@ -67,12 +80,12 @@ Table read_table(std::string_view text, const std::string& formats, const std::s
     if (line.empty() || line.front() == '#') continue;
     for (const char candidate : {',', ';', '\t'}) {
       const auto fields = split(line, candidate);
-      if (fields.size() < 2 || numbers_in(fields) > 0) continue;
+      if (fields.size() < 2 || numbers_in(fields, candidate) > 0) continue;
       std::string_view rest = text;
       std::string_view below = next_line(rest);
       while (!rest.empty() && (below.empty() || below.front() == '#')) below = next_line(rest);
       const auto values = split(below, candidate);
-      if (values.size() != fields.size() || numbers_in(values) < 2) continue;
+      if (values.size() != fields.size() || numbers_in(values, candidate) < 2) continue;
       header = line;
       by = candidate;
       body = text;
@@ -110,7 +123,7 @@ Table read_table(std::string_view text, const std::string& formats, const std::s
     }
     for (std::size_t i = 0; i < n; ++i) {
       double value = std::nan("");
-      if (!fields[i].empty() && !read_number(fields[i], value)) value = std::nan("");
+      if (!fields[i].empty() && !read_field(fields[i], by, value)) value = std::nan("");
       table.columns[i].push_back(value);
     }
     if (table.direction >= 0) {

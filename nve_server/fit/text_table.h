@@ -16,7 +16,8 @@ std::string_view trimmed(std::string_view text);
 /// A whole number or decimal, nothing else.
 bool read_number(std::string_view text, double& value);
 
-/// A table with a line of names, by commas, semicolons or tabs: see read_csv.
+/// A table with a line of names, by commas, semicolons or tabs (with the last two, decimal commas are read, too), its lines ended by
+/// LF, CR or both, with or without the byte order mark of UTF-8.
 struct Table {
   std::vector<std::string> names;            ///< in small letters
   std::vector<std::vector<double>> columns;  ///< NaN: no number

@@ -215,6 +215,30 @@ void expect_one_line(const std::string& bytes) {
   for (const char c : curve.error) EXPECT_TRUE(c >= 0x20 && c <= 0x7e);
 }
 
+TEST(CurveFile, TablesAsSpreadsheetsWriteThem) {
+  const auto table = [](const std::string& begin, char by, char point, const std::string& end) {
+    std::string text = begin + "z_nm" + by + "deflection_nm" + end;
+    for (int i = 0; i < 100; ++i) {
+      const int z = i < 50 ? 100 - 2 * i : 2 * i - 98;
+      text += std::to_string(z) + point + "25" + by + "-0" + point + std::to_string(i + 10) + end;
+    }
+    return read_curve(text);
+  };
+  const RawCurve plain = table("", ',', '.', "\n");
+  ASSERT_EQ(plain.error, "");
+  EXPECT_EQ(plain.approach.z_nm.front(), 100.25);
+  EXPECT_EQ(plain.approach.deflection.front(), -0.1);
+  const RawCurve others[] = {table("", ';', ',', "\n"), table("", '\t', ',', "\r\n"),
+                             table("\xef\xbb\xbf", ';', '.', "\r\n"), table("\xef\xbb\xbf", ',', '.', "\r")};
+  for (const RawCurve& other : others) {
+    EXPECT_EQ(other.error, "");
+    EXPECT_EQ(other.approach.z_nm, plain.approach.z_nm);
+    EXPECT_EQ(other.approach.deflection, plain.approach.deflection);
+    EXPECT_EQ(other.retract.z_nm, plain.retract.z_nm);
+  }
+  EXPECT_NE(table("", ',', ',', "\n").error, "");  // nobody can tell these apart
+}
+
 TEST(CurveFile, CutOffAnywhere) {
   for (const char* name : {"silicon_nitride.ibw", "soft_sample.jpk-force", "afm_workshop.csv",
                            "made_packed.h5", "made_plain.h5", "made_5.000", "made_9.spm"}) {
