@@ -153,7 +153,7 @@ const char* undo_text(UndoText answer) noexcept {
     case UndoText::kDone:
       return "The last marks are undone: the sample is as it was before";
     case UndoText::kRefused:
-      return "Marks not undone: none are left to undo, or the tip is too near the ground that would come up";
+      return "Marks not undone: none are left, or the tip is too near the ground";
     case UndoText::kNoAnswer:
       return "Marks not undone: the server has not answered";
   }

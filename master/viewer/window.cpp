@@ -104,6 +104,27 @@ device::PointerState pointer_of(const Viewer& viewer, double time_s) {
   return state;
 }
 
+/// Without a graphics card a picture of a scan is compiled for a good part of a second when it is first drawn: now,
+/// while the sample is on its way, and not when it is here. Nobody sees it.
+void prepare_for_scan(GlfwWindow& window, const GlfwInput& input, Viewer& viewer) {
+  int width_px = 0;
+  int height_px = 0;
+  if (!window.poll() || !window.size_px(width_px, height_px)) return;
+  const view_model::Ground plane = viewer.ground();
+  surface::HeightGrid waves;
+  waves.columns = waves.rows = 64;
+  waves.dx_nm = plane.width_nm() / 63;
+  waves.dy_nm = plane.depth_nm() / 63;
+  waves.x_first_nm = plane.min_w_nm().x();
+  waves.y_first_nm = plane.min_w_nm().y();
+  for (int i = 0; i < 64 * 64; ++i) waves.z_nm.push_back(plane.min_w_nm().z() + 0.1 * ((i + i / 64) % 2));
+  viewer.set_ground(view_model::Ground(std::move(waves)));
+  input.begin_frame();
+  viewer.draw(width_px, height_px, 0, {});
+  glFinish();
+  viewer.set_ground(plane);
+}
+
 }  // namespace
 
 void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Ground ground,
@@ -115,6 +136,7 @@ void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Groun
   viewer.wait(words, tip_w_nm);
   KeyTaps taps(window.get());
   const GlfwInput input(window.get());
+  if (hooks.changed_ground && !viewer.ground().is_scan()) prepare_for_scan(window, input, viewer);
   const Clock::time_point start = Clock::now();
   Clock::time_point next = start;
   bool cancelled = false;
