@@ -11,7 +11,8 @@ namespace {
 std::vector<std::unique_ptr<control::LocalSlave>> twins_of(const std::shared_ptr<const scene::Scene>& scene,
                                                            std::size_t count) {
   std::vector<std::unique_ptr<control::LocalSlave>> twins;
-  for (std::size_t i = 0; i < count; ++i) twins.push_back(std::make_unique<SceneTwin>(scene));
+  const slave::PortGround ground(*scene);
+  for (std::size_t i = 0; i < count; ++i) twins.push_back(std::make_unique<SceneTwin>(scene, ground));
   return twins;
 }
 

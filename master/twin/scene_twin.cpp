@@ -22,6 +22,9 @@ void fill(const slave::SlaveOutput& output, control::LocalAnswer& answer) noexce
 
 SceneTwin::SceneTwin(std::shared_ptr<const scene::Scene> scene) : scene_(std::move(scene)), slave_(scene_) {}
 
+SceneTwin::SceneTwin(std::shared_ptr<const scene::Scene> scene, const slave::PortGround& ground)
+    : scene_(std::move(scene)), slave_(scene_, ground) {}
+
 void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answer) noexcept {
   const bool was_up = (output_.fault_bits & link::kFaultRetracted) != 0;
   slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, step.operates, was_up),

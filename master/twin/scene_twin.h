@@ -14,6 +14,8 @@ namespace telenano::twin {
 class SceneTwin final : public control::LocalSlave {
  public:
   explicit SceneTwin(std::shared_ptr<const scene::Scene> scene);
+  /// `ground`: of the same scene, found once for several twins.
+  SceneTwin(std::shared_ptr<const scene::Scene> scene, const slave::PortGround& ground);
 
   void step(const control::LocalStep& step, control::LocalAnswer& answer) noexcept override;
   std::uint64_t state_hash() const noexcept override { return slave_.state_hash(); }

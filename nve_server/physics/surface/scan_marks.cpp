@@ -17,6 +17,7 @@
 #include "telenano/nve_server/physics/numerics/log_one_plus.h"
 #include "telenano/nve_server/physics/surface/crater.h"
 #include "telenano/nve_server/physics/surface/cubic_weights.h"
+#include "telenano/nve_server/physics/surface/heap_rows.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 
 namespace telenano::physics {
@@ -422,25 +423,33 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
     }
   }
   if (!(mark.pile_up > 0.0 && lost > 0.0)) return;
+  HeapRows rows_of_heap(first_column, last_column, xi_of);
+  const auto each_of_heap = [&](const auto& use) {
+    each_within(kHeapReach, [&](int j, double eta, int left, int right) {
+      for (int from = left; from <= right; from += HeapRows::kBlock) {
+        const int count = std::min(HeapRows::kBlock, right + 1 - from);
+        const double* const level = rows_of_heap.levels(from, count, eta, xi_of);
+        for (int i = 0; i < count; ++i) {
+          if (level[i] > 0.0 && !reaches(from + i, j)) use(from + i, j, level[i]);
+        }
+      }
+    });
+  };
   double heap = 0;
-  each_within(kHeapReach, [&](int j, double eta, int left, int right) {
-    for (int i = left; i <= right; ++i) {
-      if (inside(i, j) && !reaches(i, j)) heap += heap_level(xi_of(i), eta);
-    }
+  each_of_heap([&](int i, int j, double level) {
+    if (inside(i, j)) heap += level;
   });
   if (!(heap > 0.0)) return;
   const double height = mark.pile_up * lost / heap;
-  each_within(kHeapReach, [&](int j, double eta, int left, int right) {
-    for (int i = left; i <= right; ++i) {
-      const double level = heap_level(xi_of(i), eta);
-      if (!(level > 0.0) || reaches(i, j)) continue;
-      const std::size_t number = number_of(i, j);
-      for (Grid* const grid : grids) {
-        double* const at = grid->own + number * static_cast<std::size_t>(grid->lanes);
-        const Grid::Changing changing(*grid, number);
-        at[0] += height * level;
-        if (grid->lanes == kLanes) at[3] += height * level;
-      }
+  rows_of_heap.again();
+  each_of_heap([&](int i, int j, double level) {
+    const std::size_t number = number_of(i, j);
+    const double rise = height * level;
+    for (Grid* const grid : grids) {
+      double* const at = grid->own + number * static_cast<std::size_t>(grid->lanes);
+      const Grid::Changing changing(*grid, number);
+      at[0] += rise;
+      if (grid->lanes == kLanes) at[3] += rise;
     }
   });
 }

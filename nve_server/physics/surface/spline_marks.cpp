@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "telenano/nve_server/physics/surface/crater.h"
+#include "telenano/nve_server/physics/surface/heap_rows.h"
 #include "telenano/nve_server/physics/surface/spline_surface.h"
 
 namespace telenano::physics {
@@ -33,23 +34,32 @@ bool SplineSurface::heap_up(double x, double y, double radius, double volume) no
   const double reach = kHeapReach * radius;
   const int first_row = height_.row_of(y - reach), last_row = height_.row_of(y + reach);
   const int first_column = height_.column_of(x - reach), last_column = height_.column_of(x + reach);
-  double sum = 0;
-  for (const bool count : {true, false}) {
-    if (!count && !(sum > 0.0)) return false;
+  const auto xi_of = [&](int column) { return (height_.node_x_nm(column) - x) / radius; };
+  HeapRows heap(first_column, last_column, xi_of);
+  const auto each = [&](const auto& use) {
     for (int row = first_row; row <= last_row; ++row) {
       const double eta = (height_.node_y_nm(row) - y) / radius;
-      for (int column = first_column; column <= last_column; ++column) {
-        if (row >= at.row && row <= at.row + 3 && column >= at.column && column <= at.column + 3) continue;
-        const double level = heap_level((height_.node_x_nm(column) - x) / radius, eta);
-        if (!(level > 0.0)) continue;
-        if (count) {
-          sum += level;
-        } else {
-          height_.set_coefficient(column, row, height_.coefficient(column, row) + volume / sum * level);
+      const bool crosses = row >= at.row && row <= at.row + 3;
+      for (int from = first_column; from <= last_column; from += HeapRows::kBlock) {
+        const int count = std::min(HeapRows::kBlock, last_column + 1 - from);
+        const double* const level = heap.levels(from, count, eta, xi_of);
+        for (int i = 0; i < count; ++i) {
+          const int column = from + i;
+          if (crosses && column >= at.column && column <= at.column + 3) continue;
+          use(column, row, level[i]);
         }
       }
     }
-  }
+  };
+  double sum = 0;
+  each([&](int, int, double level) { sum += level; });
+  if (!(sum > 0.0)) return false;
+  const double per_level = volume / sum;
+  heap.again();
+  each([&](int column, int row, double level) {
+    if (level > 0.0)
+      height_.set_coefficient(column, row, height_.coefficient(column, row) + per_level * level);
+  });
   return true;
 }
 

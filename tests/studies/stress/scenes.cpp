@@ -1,6 +1,7 @@
 #include "tests/studies/stress/scenes.h"
 
 #include "telenano/common/config/shared_files.h"
+#include "telenano/master/twin/scene_twin.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/support/wall_slave.h"
 
@@ -33,7 +34,9 @@ const char* file_name(SceneKind kind) {
 Scenes::Scenes(const std::filesystem::path& folder, const std::vector<SceneKind>& kinds) {
   for (const SceneKind kind : kinds) {
     const char* const name = file_name(kind);
-    files_[kind] = name == nullptr ? nullptr : scene::load_scene((folder / name).string());
+    const auto& scene = files_[kind] =
+        name == nullptr ? nullptr : scene::load_scene((folder / name).string());
+    if (scene) grounds_.emplace(kind, slave::PortGround(*scene));
   }
 }
 
@@ -45,11 +48,17 @@ const Scenes& Scenes::of_this_tree() {
 }
 
 std::unique_ptr<slave::Slave> Scenes::make(SceneKind kind, double start_height_nm) const {
-  if (const auto& scene = files_.at(kind)) return std::make_unique<slave::NveSlave>(scene);
+  if (const auto& scene = files_.at(kind)) {
+    return std::make_unique<slave::NveSlave>(scene, grounds_.at(kind));
+  }
   support::WallSlaveConfig wall;
   wall.start_height_nm = start_height_nm;
   if (kind == SceneKind::kHard) wall.stiffness_n_m = 2000;
   return std::make_unique<support::WallSlave>(wall);
+}
+
+std::unique_ptr<control::LocalSlave> Scenes::make_twin(SceneKind kind) const {
+  return std::make_unique<twin::SceneTwin>(files_.at(kind), grounds_.at(kind));
 }
 
 std::shared_ptr<const scene::Scene> Scenes::file(SceneKind kind) const {

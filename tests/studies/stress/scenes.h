@@ -5,7 +5,9 @@
 #include <map>
 #include <memory>
 
+#include "telenano/common/control/local_slave.h"
 #include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/port_model.h"
 #include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/stress/run_spec.h"
 
@@ -20,12 +22,15 @@ class Scenes {
   static const Scenes& of_this_tree();
 
   std::unique_ptr<slave::Slave> make(SceneKind kind, double start_height_nm) const;
+  /// Of a kind that has a file.
+  std::unique_ptr<control::LocalSlave> make_twin(SceneKind kind) const;
   /// Null for those that have no file.
   std::shared_ptr<const scene::Scene> file(SceneKind kind) const;
   bool has(SceneKind kind) const;
 
  private:
   std::map<SceneKind, std::shared_ptr<const scene::Scene>> files_;
+  std::map<SceneKind, slave::PortGround> grounds_;  // a walk of some thousands of balances each
 };
 
 }  // namespace telenano::studies::stress

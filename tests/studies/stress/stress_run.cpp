@@ -131,6 +131,7 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   const bool shared = spec.act == Act::kTakeOver;
   if (shared) session.share = server::Share::kOneTip;
   session.twin = spec.method == control::Method::kTwin && session.scene != nullptr && !shared;
+  if (session.twin) session.make_twin = [&scenes, kind = spec.scene] { return scenes.make_twin(kind); };
   session.station.rate_hz = spec.rate_hz;
   session.station.scaling = {spec.velocity_scale, force_scale};
   session.station.allow_unsafe_scaling = spec.scale > 1;

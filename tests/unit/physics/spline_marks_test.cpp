@@ -1,11 +1,15 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
 #include <random>
 #include <thread>
+#include <tuple>
 
+#include "telenano/nve_server/physics/surface/crater.h"
+#include "telenano/nve_server/physics/surface/heap_rows.h"
 #include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/support/alloc_guard.h"
 
@@ -19,6 +23,36 @@ HeightGrid random_grid(int columns, int rows, double dx, double dy, unsigned see
   std::mt19937 random(seed);
   for (int i = 0; i < columns * rows; ++i) grid.z_nm.push_back(static_cast<double>(random() % 1000) * 1e-3);
   return grid;
+}
+
+// Levels by rows are those of the plain formula to the bit, both times, in heaps that have room (the first one) and
+// in such as have none: more rows than are kept, more columns than a block, columns beyond those known before.
+TEST(HeapRows, AreThePlainLevelsBothTimes) {
+  for (const auto& [width, height, known] :
+       {std::tuple{40, 40, 40}, {100, 100, 100}, {300, 37, 300}, {90, 90, 50}}) {
+    const double radius = 0.24 * std::max(width, height);
+    const double x = 0.5 * width + 0.17, y = 0.5 * height - 0.31;
+    const auto xi_of = [&](int column) { return (column - x) / radius; };
+    HeapRows rows(0, known - 1, xi_of);
+    int above = 0, seen = 0;
+    for (const bool again : {false, true}) {
+      if (again) rows.again();
+      for (int j = 0; j < height; ++j) {
+        const double eta = (j - y) / radius;
+        for (int from = 0; from < width; from += HeapRows::kBlock) {
+          const int count = std::min(HeapRows::kBlock, width - from);
+          const double* const level = rows.levels(from, count, eta, xi_of);
+          for (int i = 0; i < count; ++i) {
+            ASSERT_EQ(level[i], heap_level(xi_of(from + i), eta)) << from + i << ' ' << j << ' ' << again;
+            above += level[i] > 0.0;
+            ++seen;
+          }
+        }
+      }
+    }
+    EXPECT_EQ(seen, 2 * width * height);
+    EXPECT_GT(above, width * height / 10);
+  }
 }
 
 // What press() promises, for marks anywhere, on the rim and at corners too, on grids down to 2×2.
