@@ -37,6 +37,18 @@ double exact_impedance_bound(const ScalingPlant& plant) noexcept {
   return smallest;
 }
 
+double exact_impedance_bound(ScalingPlant plant, double delay_samples) noexcept {
+  const double whole = std::floor(delay_samples);
+  const double part = delay_samples - whole;
+  plant.delay_samples = static_cast<int>(whole);
+  const double shorter = exact_impedance_bound(plant);
+  if (!(part > 0)) return shorter;
+  ++plant.delay_samples;
+  const double longer = exact_impedance_bound(plant);
+  if (!(shorter > 0) || !(longer > 0)) return std::min(shorter, longer);
+  return 1 / ((1 - part) / shorter + part / longer);
+}
+
 double llewellyn_impedance_bound(const ScalingPlant& plant) noexcept {
   const double spring = 0.5 * plant.coupling_stiffness_n_m * plant.period_s;
   const double sum = plant.coupling_damping_n_s_m + spring;

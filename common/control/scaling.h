@@ -51,6 +51,11 @@ struct ScalingPlant {
 /// most 0 where nothing is safe.
 double exact_impedance_bound(const ScalingPlant& plant) noexcept;
 
+/// The same where the force acts `delay_samples` late, which need not be whole: plant.delay_samples does not
+/// count. Between d and d + 1 its inverse lies on a line: a spring held by a force that comes a part f of a
+/// period late puts as much into the hand as (1 − f) of it with d samples and f of it with d + 1.
+double exact_impedance_bound(ScalingPlant plant, double delay_samples) noexcept;
+
 /// The region as published [Kim & Sitti, eqs. 21, 22, fig. 12], Llewellyn's criterion on the hybrid matrix,
 /// no delay:
 ///

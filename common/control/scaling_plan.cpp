@@ -35,6 +35,7 @@ void validate(const ScalingPlanInput& in) {
   require(positive(p.period_s) && p.period_s <= 1, "period", p.period_s, "(0, 1] s");
   require(p.delay_samples >= 0 && p.delay_samples <= kDelayMax, "delay", p.delay_samples,
           "0 to 10000 samples");
+  require(!(in.device_latency_s > 1), "device latency", in.device_latency_s, "at most 1 s");
   require(positive(in.device_force_max_n), "device force", in.device_force_max_n, "> 0 N");
   require(in.force_safety > 0 && in.force_safety <= 1, "force safety", in.force_safety, "(0, 1]");
   require(positive(in.tip_force_max_nn), "tip force", in.tip_force_max_nn, "> 0 nN");
@@ -44,8 +45,8 @@ void validate(const ScalingPlanInput& in) {
   require(not_negative(in.velocity_scale), "velocity scale", in.velocity_scale, "> 0");
 }
 
-std::string samples(int count) {
-  return std::to_string(count) + (count == 1 ? " sample" : " samples");
+std::string samples(double count) {
+  return number(count) + (count == 1 ? " sample" : " samples");
 }
 
 }  // namespace
@@ -66,6 +67,12 @@ int binding_delay_samples(Method method, int loop_delay_samples) noexcept {
   return loop_delay_samples;
 }
 
+double binding_delay(Method method, int loop_delay_samples, double latency_samples) noexcept {
+  if (!(latency_samples >= 0)) return binding_delay_samples(method, loop_delay_samples);
+  if (method == Method::kTwin) return latency_samples;
+  return std::max<double>(binding_delay_samples(method, loop_delay_samples), latency_samples);
+}
+
 ScalingPlan plan_scaling(const ScalingPlanInput& in) {
   validate(in);
   ScalingPlan plan;
@@ -77,14 +84,14 @@ ScalingPlan plan_scaling(const ScalingPlanInput& in) {
           "1e-12 to 1: the tip's workspace is smaller than the hand's");
   ScalingPlant at_once = in.plant;
   at_once.delay_samples = 0;
-  ScalingPlant binding = in.plant;
-  plan.binding_delay_samples = binding.delay_samples =
-      binding_delay_samples(in.method, in.plant.delay_samples);
+  plan.binding_delay_samples =
+      binding_delay(in.method, in.plant.delay_samples, in.device_latency_s / in.plant.period_s);
   // γ beyond b leaves nothing that is safe.
   plan.published_force_scale = llewellyn_impedance_bound(at_once) / velocity;
   plan.sampled_force_scale = std::max(0.0, exact_impedance_bound(at_once)) / velocity;
   plan.delayed_force_scale = std::max(0.0, exact_impedance_bound(in.plant)) / velocity;
-  plan.passive_force_scale = std::max(0.0, exact_impedance_bound(binding)) / velocity;
+  plan.passive_force_scale =
+      std::max(0.0, exact_impedance_bound(in.plant, plan.binding_delay_samples)) / velocity;
   plan.device_force_scale =
       device_force_scale_bound(in.force_safety, in.device_force_max_n, in.tip_force_max_nn);
   plan.case_one_force_scale = 1 / velocity;
@@ -133,12 +140,16 @@ std::string plan_reason(const ScalingPlanInput& in, const ScalingPlan& plan) {
            number(in.force_safety * in.device_force_max_n) + " N; passivity would allow " +
            number(plan.passive_force_scale);
   }
+  const bool rests_on_twin = in.method == Method::kTwin && in.device_latency_s >= 0;
   return "passivity binds: with " + damping + ", a period of " + number(1e3 * in.plant.period_s) +
          " ms and " + samples(plan.binding_delay_samples) + " of delay the device shows a coupling of " +
          number(in.plant.coupling_stiffness_n_m) + " N/m passively up to a force scale of " +
          number(plan.passive_force_scale) + "; without the delay it would be " +
          number(plan.sampled_force_scale) + ", and its greatest force would allow " +
-         number(plan.device_force_scale);
+         number(plan.device_force_scale) +
+         (rests_on_twin ? "; planned for the twin alone, whose force waits for no answer: the delay is the "
+                          "device's latency as measured, and without the twin a lower scale takes its place"
+                        : "");
 }
 
 int loop_delay_samples(double rtt_s, double period_s) noexcept {

@@ -20,6 +20,16 @@ namespace telenano::control {
 ///     held for a period, and an answer used one tick later at the earliest.
 int binding_delay_samples(Method method, int loop_delay_samples) noexcept;
 
+/// The same with what is known of the device: `latency_samples`, an upper bound of how late its force acts,
+/// measured together with a lower bound of its damping; negative: nobody has measured them.
+///
+///   twin
+///     its force answers the position of the same tick, and nothing comes over the link. So that latency is all
+///     of its delay; what is not measured is taken for one sample.
+///   the others
+///     as binding_delay_samples(), and not less than that latency.
+double binding_delay(Method method, int loop_delay_samples, double latency_samples) noexcept;
+
 /// What decides the scaling of a station, its device, its link and a slave.
 struct ScalingPlanInput {
   Method method = Method::kNone;
@@ -31,7 +41,8 @@ struct ScalingPlanInput {
   double haptic_workspace_m = 0.1;
   double visual_workspace_m = 0.3;
   double nano_workspace_nm = 100;
-  double velocity_scale = 0;  ///< α_v where it is given; 0: from the workspaces
+  double velocity_scale = 0;     ///< α_v where it is given; 0: from the workspaces
+  double device_latency_s = -1;  ///< upper bound, measured with the damping; negative: not measured
 };
 
 enum class BindingLimit : std::uint8_t {
@@ -59,10 +70,10 @@ struct ScalingPlan {
   double sampled_force_scale = 0;    ///< exact, were there no delay
   double delayed_force_scale = 0;    ///< exact, with the loop's delay
   double passive_force_scale = 0;    ///< exact, with the delay that binds this method
-  int binding_delay_samples = 0;
-  double device_force_scale = 0;    ///< ε f̂_a/f̂_e
-  double case_one_force_scale = 0;  ///< 1/α_v
-  double case_two_force_scale = 0;  ///< 1/α_v²
+  double binding_delay_samples = 0;  ///< binding_delay()
+  double device_force_scale = 0;     ///< ε f̂_a/f̂_e
+  double case_one_force_scale = 0;   ///< 1/α_v
+  double case_two_force_scale = 0;   ///< 1/α_v²
   bool case_one_safe = false;
   bool case_two_safe = false;
   double passive_wall_n_m = 0;     ///< Z-width: stiffest passive pure spring of this device, no delay: 2b/T

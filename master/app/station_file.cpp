@@ -161,6 +161,7 @@ StationFile read(const config::TomlDocument& document) {
   if (const auto table = root.optional_table("device")) {
     file.device = read_device_settings(*table);
     if (file.device.damping_n_s_m) file.station.device_damping_n_s_m = *file.device.damping_n_s_m;
+    if (file.device.latency_ms) file.station.device_latency_s = 1e-3 * *file.device.latency_ms;
   }
   if (const auto table = root.optional_table("pedal")) file.pedal = read_pedal_settings(*table);
   if (const auto table = root.optional_table("simulated_device")) {
@@ -237,6 +238,9 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   list.emplace_back("limits.require_deadman", station.require_deadman ? "true" : "false");
   list.emplace_back("allow_unsafe_scaling", station.allow_unsafe_scaling ? "true" : "false");
   if (station.device_damping_n_s_m >= 0) add("device.damping_n_s_m", station.device_damping_n_s_m);
+  if (station.device_latency_s >= 0) add("device.latency_s", station.device_latency_s);
+  if (station.impedance_without_twin > 0)
+    add("scaling.impedance_without_twin", station.impedance_without_twin);
   add("simulated_device.mass_kg", plant.device_mass_kg);
   add("simulated_device.damping_n_s_m", plant.device_damping_n_s_m);
   add("simulated_device.coulomb_friction_n", plant.coulomb_friction_n);

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <utility>
 
+#include "telenano/common/control/scaling_plan.h"
+
 namespace telenano::station {
 namespace {
 
@@ -67,7 +69,8 @@ const char* fault_name(std::uint32_t faults) noexcept {
                                            "bad tick length",
                                            "slave stiffer than planned",
                                            "another scene than before",
-                                           "round trip too long for the method"};
+                                           "round trip too long for the method",
+                                           "stiffness was the twin's alone"};
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if (faults & (1u << bit)) return kNames[bit];
   }
@@ -169,8 +172,12 @@ bool Station::change_scaling(const control::Scaling& scaling) noexcept {
   plant.coupling_stiffness_n_m = slave_.coupling_stiffness_n_m;
   plant.coupling_damping_n_s_m = slave_.coupling_damping_n_s_m;
   plant.period_s = period_s_;
-  plant.delay_samples = 1;
-  if (!config_.allow_unsafe_scaling && scaling.impedance() > control::exact_impedance_bound(plant)) {
+  // What was planned for no delay may be changed so too, as long as the twin is felt and there is a way back.
+  const double latency_samples = shows_twin() && config_.impedance_without_twin > 0 && !fades_
+                                     ? config_.device_latency_s / period_s_
+                                     : -1;
+  const double delay = control::binding_delay(methods_.method(), 1, latency_samples);
+  if (!config_.allow_unsafe_scaling && scaling.impedance() > control::exact_impedance_bound(plant, delay)) {
     config_.scaling = old;
     return false;
   }
@@ -455,6 +462,39 @@ void Station::follow_a_retracted_tip() noexcept {
   last_target_w_nm_ = mapping_.target_w_nm();
 }
 
+/// A stiffness that was planned for a loop without delay is no other method's, for however short a time. What
+/// acts on the hand becomes a force that no longer depends on where the hand is, and fades; the tip stays.
+void Station::leave_twins_scale() noexcept {
+  const bool too_stiff = config_.impedance_without_twin > 0 && !config_.allow_unsafe_scaling &&
+                         config_.scaling.impedance() > config_.impedance_without_twin * (1 + 1e-9);
+  if (too_stiff && !fades_ && has_reply_ && !shows_twin()) {
+    fades_ = true;
+    fading_h_n_ = commanded_force_h_n_;
+    ramp_ = 1;
+    leaves_twin_ = false;
+    left_by_twin_h_n_.setZero();
+  }
+  if (fades_) faults_ |= kFaultTwinLeft;
+}
+
+/// When nothing is left of the force: the scale that was planned for any method. Then the hand engages anew, by
+/// the ramp.
+void Station::fade_to_new_scale(double dt_s, StationTrace& trace) noexcept {
+  const double left_n = fading_h_n_.norm();
+  const double goes_n = control::Twin::kGoOver_n_s * std::min(dt_s, period_s_);
+  fading_h_n_ *= left_n > goes_n ? 1 - goes_n / left_n : 0;
+  rendered_force_h_n_ = fading_h_n_;
+  trace.rendered_force_h_n = rendered_force_h_n_;
+  trace.force_bound_n = methods_.now().force_bound_n();
+  if (fading_h_n_.squaredNorm() > 0) return;
+  fades_ = false;
+  const control::Scaling& scaling = config_.scaling;
+  if (scaling.impedance() > config_.impedance_without_twin)  // a person may have chosen less meanwhile
+    change_scaling({scaling.velocity, config_.impedance_without_twin / scaling.velocity});
+  begin_anew();
+  ramp_ = 0;
+}
+
 void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   waits_for_tip_ = false;
   if (latched_ != 0) {
@@ -472,7 +512,8 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   }
   const bool wanted = (!config_.require_deadman || (input.buttons & device::kButtonDeadman)) &&
                       !(input.buttons & device::kButtonClutch) &&
-                      input.device_status == device::DeviceStatus::kOk && holds_tip() && !twin_waits();
+                      input.device_status == device::DeviceStatus::kOk && holds_tip() && !twin_waits() &&
+                      !fades_;
   waits_for_tip_ = wanted && has_reply_ && tip_up_;
   if (!wanted || waits_for_tip_) {
     mode_ = Mode::kReady;
@@ -494,6 +535,13 @@ void Station::update_ramp(const StationInput& input, double dt_s) noexcept {
     return;
   }
   const bool stale = blind_s_ > hold_s();
+  if (fades_) {  // by itself, unless the hand lets go or the link is lost before
+    const bool held = (!config_.require_deadman || (input.buttons & device::kButtonDeadman) != 0) &&
+                      (input.buttons & device::kButtonClutch) == 0 && input.session_up;
+    if (!held) ramp_ = std::max(0.0, ramp_ - dt_s / fade_s);
+    if (stale) ramp_ = std::min(ramp_, std::max(0.0, (zero_s() - blind_s_) / fade_s));
+    return;
+  }
   if (mode_ == Mode::kEngaged && has_reply_ && !stale) {
     ramp_ = std::min(1.0, ramp_ + std::min(dt_s, period_s_) / config_.engage_ramp_s);
     return;
@@ -585,12 +633,18 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
   if (good_tick) {
     watch(input, dt_s);
     accept_reply(input);
+    leave_twins_scale();
     choose_mode(input, dt_s);
     follow_a_retracted_tip();
     mapping_.update(mode_ == Mode::kEngaged, hand_pos_h_m_);
     step_slave(input, dt_s, output);
     last_tick_ns_ = input.time_ns;
-    render(input, dt_s, output.trace);
+    leave_twins_scale();
+    if (fades_) {
+      fade_to_new_scale(dt_s, output.trace);
+    } else {
+      render(input, dt_s, output.trace);
+    }
     update_ramp(input, dt_s);
   } else {
     faults_ |= kFaultBadTick;

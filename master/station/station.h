@@ -40,6 +40,7 @@ enum StationFaults : std::uint32_t {
   kFaultSlaveStiffer = 1u << 9,  ///< latched: the new session's slave is stiffer than what was planned for
   kFaultOtherScene = 1u << 10,   ///< latched: the server that came back serves another scene
   kFaultOld = 1u << 11,  ///< replies come, but the round trip is longer than the method may show forces at
+  kFaultTwinLeft = 1u << 12,  ///< the force fades: it was as stiff as only the twin may show it
 };
 /// Name of the lowest fault bit set; "none" if none.
 const char* fault_name(std::uint32_t faults) noexcept;
@@ -144,7 +145,7 @@ class Station {
   /// usable_method() of it.
   void change_method(control::Method method) noexcept;
   /// Another scale, likewise; hand and tip stay where they are. False, and nothing changes, where the config
-  /// would not be valid or, unless allowed, not safe for this slave.
+  /// would not be valid or, unless allowed, not safe for this slave and what is felt of it.
   bool change_scaling(const control::Scaling& scaling) noexcept;
   /// Another companding of forces before contact, likewise. False, and nothing changes, where the config would
   /// not be valid. Felt with a twin only.
@@ -173,6 +174,8 @@ class Station {
   control::Method usable(control::Method wanted) const noexcept;
   Vec3 session_start_w_nm(const link::Welcome& welcome) const noexcept;
   bool logs_steps() const noexcept { return (features_ & link::kFeatureStepLog) != 0; }
+  void leave_twins_scale() noexcept;
+  void fade_to_new_scale(double dt_s, StationTrace& trace) noexcept;
   bool shows_twin() const noexcept {
     return twin_ && twin_->on() && methods_.method() == control::Method::kTwin;
   }
@@ -244,6 +247,8 @@ class Station {
   Vec3 rendered_force_h_n_ = Vec3::Zero();
   bool leaves_twin_ = false;              // the method is another one from this tick on, in contact perhaps
   Vec3 left_by_twin_h_n_ = Vec3::Zero();  // that it showed more, which goes at control::Twin::kGoOver_n_s
+  bool fades_ = false;                    // a stiffness planned for the twin, which is not felt any more:
+  Vec3 fading_h_n_ = Vec3::Zero();        // this force, at control::Twin::kGoOver_n_s; then another scale
   bool bump_ahead_ = false;               // the force may be another one at once: let the ramp bring it in
   std::uint64_t newest_sequence_ = 0;
   std::int64_t last_reply_ns_ = 0;

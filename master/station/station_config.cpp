@@ -26,8 +26,8 @@ std::string rounded_down(double value) {
           std::to_chars(text.data(), text.data() + text.size(), less, std::chars_format::general, 4).ptr};
 }
 
-std::string samples(int count) {
-  return std::to_string(count) + (count == 1 ? " sample" : " samples") + " of delay";
+std::string samples(double count) {
+  return number(count) + (count == 1 ? " sample" : " samples") + " of delay";
 }
 
 }  // namespace
@@ -70,6 +70,10 @@ void StationConfig::validate(const std::string& source) const {
   require(between(engage_ramp_s, 0.01, 10), "limits.engage_ramp_s", engage_ramp_s, "0.01 to 10");
   require(device_damping_n_s_m < 0 || between(device_damping_n_s_m, 0, 1000), "device.damping_n_s_m",
           device_damping_n_s_m, "0 to 1000, or negative for what the device reports");
+  require(device_latency_s < 0 || between(device_latency_s, 0, 0.1), "device latency, s", device_latency_s,
+          "0 to 0.1, or negative where it was not measured");
+  require(impedance_without_twin == 0 || between(impedance_without_twin, 1e-12, 1e12),
+          "impedance without the twin", impedance_without_twin, "more than 0, or 0: the same");
 }
 
 ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo& device,
@@ -83,9 +87,10 @@ ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo
   plant.delay_samples = delay_samples;
   ScalingCheck check;
   check.loop_bound = control::exact_impedance_bound(plant);
-  plant.delay_samples = control::binding_delay_samples(config.method, delay_samples);
+  const double binding =
+      control::binding_delay(config.method, delay_samples, config.device_latency_s * config.rate_hz);
   check.impedance = config.scaling.impedance();
-  check.exact_bound = control::exact_impedance_bound(plant);
+  check.exact_bound = control::exact_impedance_bound(plant, binding);
   check.llewellyn_bound = control::llewellyn_impedance_bound(plant);
   check.device_force_scale =
       control::device_force_scale_bound(config.force_safety, device.force_max_n, slave.force_max_nn);
@@ -98,7 +103,7 @@ ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo
                " that this device shows passively (damping " + number(plant.device_damping_n_s_m) +
                " N s/m, coupling " + number(slave.coupling_stiffness_n_m) + " N/m and " +
                number(slave.coupling_damping_n_s_m) + " N s/m, " + number(config.rate_hz) + " Hz, " +
-               samples(plant.delay_samples) + ")";
+               samples(binding) + ")";
   if (!check.safe) {
     const double force_scale = check.exact_bound / config.scaling.velocity;
     check.advice = !(check.exact_bound > 0) ? std::string("no scaling is safe without damping of the device")

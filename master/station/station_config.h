@@ -39,6 +39,12 @@ struct StationConfig {
   double force_age_s = 0;
   double engage_ramp_s = 0.200;      ///< from no force to the full one, on engage, resume and reconnect
   double device_damping_n_s_m = -1;  ///< certain damping of the device; negative: as the device reports
+  /// Upper bound of how late the device's force acts, measured with that damping; negative: nobody has.
+  double device_latency_s = -1;
+
+  /// α_v α_F of what is felt without the twin, where the scaling is planned for the twin alone (no delay in its
+  /// loop) and is stiffer than that; 0: it is planned for every method.
+  double impedance_without_twin = 0;
 
   /// Of attraction before contact, where the slave's twin is felt; other methods show forces as they are.
   control::CompandingConfig companding{};

@@ -20,7 +20,7 @@ struct Fault {
 };
 
 // The gravest first. Those that latch end with what a person has to do.
-constexpr std::array<Fault, 12> kStationFaults = {{
+constexpr std::array<Fault, 13> kStationFaults = {{
     {station::kFaultDeviceFailed, "The device has failed: zero force. Check its cable and power, then clear"},
     {station::kFaultForceNonFinite, "The station's own force was no number: zero force. Please report this"},
     {station::kFaultHandPosNonFinite,
@@ -36,6 +36,8 @@ constexpr std::array<Fault, 12> kStationFaults = {{
     {station::kFaultReplyNonFinite, "A reply was no number: left out, the force comes back by a ramp"},
     {station::kFaultOld,
      "The round trip is too long for this method: the force fades, the tip holds, until it is shorter"},
+    {station::kFaultTwinLeft,
+     "There is no twin any more: the force fades, and comes back at a lower scale, planned without it"},
     {station::kFaultStale, "No news from the server: the force is held, then fades to zero"},
 }};
 
@@ -109,7 +111,8 @@ std::vector<Message> force_text(const recording::Sample& now, device::ForceOffCa
   for (const Fault& fault : kStationFaults) {
     if ((now.station_faults & fault.bit) == 0) continue;
     const bool grave = fault.bit != station::kFaultStale && fault.bit != station::kFaultOld &&
-                       fault.bit != station::kFaultReplyNonFinite && fault.bit != station::kFaultBadTick;
+                       fault.bit != station::kFaultReplyNonFinite && fault.bit != station::kFaultBadTick &&
+                       fault.bit != station::kFaultTwinLeft;
     messages.push_back({fault.text, grave ? Mood::kAlarm : Mood::kWarning});
   }
   if (observes(now))

@@ -65,6 +65,9 @@ DeviceSettings read_device_settings(const TomlTable& table) {
   if (table.has("watchdog_ms")) settings.watchdog_ms = static_cast<int>(table.integer("watchdog_ms", 0, 31));
   settings.force_max_n = table.optional_number("force_max_n", between(0.1, 100));
   settings.damping_n_s_m = table.optional_number("damping_n_s_m", between(0, 1000));
+  settings.latency_ms = table.optional_number("latency_ms", between(0, 100));
+  if (settings.latency_ms && !settings.damping_n_s_m)
+    table.fail("latency_ms", "expected damping_n_s_m with it: both are what calibrate --dynamics measures");
   settings.mass_kg = table.optional_number("mass_kg", between(1e-3, 100));
   settings.speed_m_s = table.optional_number("speed_m_s", between(0.001, 0.25));
   settings.hold_s = table.optional_number("hold_s", between(0.05, 10));

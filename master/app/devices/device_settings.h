@@ -25,6 +25,7 @@ struct DeviceSettings {
   std::optional<int> watchdog_ms;
   std::optional<double> force_max_n;
   std::optional<double> damping_n_s_m;
+  std::optional<double> latency_ms;
   std::optional<double> mass_kg;
   std::optional<double> speed_m_s;
   std::optional<double> hold_s;
@@ -41,7 +42,7 @@ struct PedalSettings {
 PedalSettings read_pedal_settings(const config::TomlTable& table);
 DeviceSettings read_device_settings(const config::TomlTable& table);
 
-/// What was given, by its name in the file; but for kind and damping, which a recording has anyway.
+/// What was given, by its name in the file; but for kind, damping and latency, which a recording has anyway.
 void describe(const DeviceSettings& settings, std::vector<std::pair<std::string, std::string>>& list);
 
 }  // namespace telenano::app

@@ -32,6 +32,12 @@ double certain_damping_n_s_m(const DeviceDynamics& axes) {
   return rounded_down(least);
 }
 
+double certain_latency_s(const DeviceDynamics& axes) {
+  double most_s = 0;
+  for (const AxisDynamics& axis : axes) most_s = std::max(most_s, axis.latency_s.high);
+  return 1e-5 * std::ceil(1e5 * most_s - 1e-9);
+}
+
 std::string dynamics_table(const DeviceDynamics& axes) {
   std::string text = fmt::format("{:4}  {:27}  {:27}  {:29}  {:25}  {}\n", "axis", "mass, kg",
                                  "damping, N s/m", "friction, N", "latency, ms", "encoder step, mm");
@@ -60,6 +66,8 @@ std::string dynamics_toml(const std::string& kind, const DeviceDynamics& axes, d
   text += fmt::format("[device]\nkind = \"{}\"\n", kind);
   text += fmt::format("damping_n_s_m = {:.3g}  # lower bound (97.5 %) of the least damped axis\n",
                       certain_damping_n_s_m(axes));
+  text += fmt::format("latency_ms = {:.5g}  # upper bound (97.5 %) of the slowest axis\n",
+                      1e3 * certain_latency_s(axes));
   text += fmt::format("mass_kg = {:.3g}\n", mass_kg);
   return text;
 }

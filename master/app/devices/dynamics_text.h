@@ -14,6 +14,9 @@ using DeviceDynamics = std::array<calibration::AxisDynamics, 3>;  ///< x, y, z o
 /// interval reaches below.
 double certain_damping_n_s_m(const DeviceDynamics& axes);
 
+/// The latency that is not exceeded for certain: the most of the axes' upper bounds, rounded up to 0.01 ms.
+double certain_latency_s(const DeviceDynamics& axes);
+
 /// A line an axis, with the 95 % intervals, for a person.
 std::string dynamics_table(const DeviceDynamics& axes);
 

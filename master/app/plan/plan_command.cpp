@@ -294,8 +294,8 @@ void print_far(const StationFile& file, const Far& far, const control::ScalingPl
       shown.differences, 1e3 * plan.scaling.hand_energy_j(companding.most_aj()));
 }
 
-std::string samples(int count) {
-  return fmt::format("{} sample{} of delay", count, count == 1 ? "" : "s");
+std::string samples(double count) {
+  return fmt::format("{:.4g} sample{} of delay", count, count == 1 ? "" : "s");
 }
 
 void print_text(const StationFile& file, const device::DeviceInfo& device, const Far& far,

@@ -27,7 +27,9 @@ void draw_plan(const control::ScalingPlanInput& input, const control::ScalingPla
                const std::string& title, const std::string& file) {
   const double velocity = plan.scaling.velocity;
   const int loop = input.plant.delay_samples;
-  const auto samples = [](int count) { return fmt::format("{} sample{}", count, count == 1 ? "" : "s"); };
+  const auto samples = [](double count) {
+    return fmt::format("{:.4g} sample{}", count, count == 1 ? "" : "s");
+  };
   std::vector<Curve> curves{
       {plan.published_force_scale * velocity, plot::kRed, "lw 1.6 dt (6,4)", "as published (Llewellyn)"},
       {plan.sampled_force_scale * velocity, plot::kPale, "lw 1.8", "exact, no delay"},

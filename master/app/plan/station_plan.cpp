@@ -46,6 +46,7 @@ control::ScalingPlanInput plan_input(const StationFile& file, const device::Devi
   input.plant.coupling_damping_n_s_m = slave.coupling_damping_n_s_m;
   input.plant.period_s = 1 / station.rate_hz;
   input.plant.delay_samples = loop_delay_samples;
+  input.device_latency_s = station.device_latency_s;
   input.device_force_max_n = device.force_max_n;
   input.force_safety = station.force_safety;
   input.tip_force_max_nn = slave.force_max_nn;
@@ -60,9 +61,14 @@ std::string damping_text(const StationFile& file, const device::DeviceInfo& devi
   const double stated_n_s_m = file.station.device_damping_n_s_m;
   if (stated_n_s_m >= 0) {
     return fmt::format(
-        "device damping: {:g} N s/m, as [device] damping_n_s_m states; the limit on energy holds for a "
-        "device with at least that",
-        stated_n_s_m);
+               "device damping: {:g} N s/m, as [device] damping_n_s_m states; the limit on energy holds for "
+               "a "
+               "device with at least that",
+               stated_n_s_m) +
+           (file.station.device_latency_s >= 0
+                ? fmt::format("; its force acts at most {:g} ms late, as latency_ms states",
+                              1e3 * file.station.device_latency_s)
+                : "");
   }
   if (device.name == kSimulated)
     return fmt::format("device damping: {:g} N s/m, the simulated device's own", device.damping_n_s_m);
@@ -72,16 +78,36 @@ std::string damping_text(const StationFile& file, const device::DeviceInfo& devi
       device.damping_n_s_m);
 }
 
+namespace {
+
+/// Where the twin alone is planned for: the scale of what follows when there is no twin any more.
+void plan_way_back(StationFile& file, control::ScalingPlanInput input) {
+  station::StationConfig& station = file.station;
+  if (station.method != control::Method::kTwin || station.device_latency_s < 0) return;
+  input.method = control::Method::kModel;
+  input.velocity_scale = station.scaling.velocity;
+  const control::ScalingPlan without = control::plan_scaling(input);
+  const double impedance = without.scaling.impedance();
+  if (impedance < station.scaling.impedance() && without.scaling.force >= station::kForceScaleMin)
+    station.impedance_without_twin = impedance;
+}
+
+}  // namespace
+
 std::string choose_scaling(StationFile& file, const device::DeviceInfo& device,
                            const config::SlaveLimits& slave, int loop_delay_samples) {
   const GivenScaling& given = file.scaling;
-  if (given.velocity && given.force) return "";
   control::ScalingPlanInput input = plan_input(file, device, slave, loop_delay_samples);
+  if (given.velocity && given.force) {
+    plan_way_back(file, input);
+    return "";
+  }
   input.velocity_scale = given.velocity.value_or(0);
   const control::ScalingPlan plan = control::plan_scaling(input);
   control::Scaling& scaling = file.station.scaling;
   scaling.velocity = plan.scaling.velocity;
   if (given.force) {
+    plan_way_back(file, input);
     return fmt::format("planned: velocity scale {:.6g}, {:.4g} nm of the tip to {:.4g} mm of the hand",
                        scaling.velocity, input.nano_workspace_nm, 1e3 * input.haptic_workspace_m);
   }
@@ -90,6 +116,7 @@ std::string choose_scaling(StationFile& file, const device::DeviceInfo& device,
     throw UserError(reason + "; to insist, give a --force-scale (scaling.force) and --allow-unsafe-scaling");
   }
   scaling.force = plan.scaling.force;
+  plan_way_back(file, input);
   file.station.validate("planned scaling");
   return fmt::format("planned: velocity scale {:.6g}, force scale {:.6g}; {}", scaling.velocity,
                      scaling.force, reason);

@@ -75,6 +75,7 @@ void RealTimeSession::run() noexcept {
     if (servers_ != nullptr) follow_servers(sample, tick.woke_ns);
     follow_undo(sample);
     note_tip(sample);
+    note_scale(sample);
     summary_.add(sample);
     if (recorder_ != nullptr) {
       for (const recording::DatagramRow& row : loop_.datagrams()) recorder_->push(row);
@@ -330,7 +331,10 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.playout_delay_ms = sample.playout_delay_ms;
   p.playout_late = loop_.playout().counts().late;
   p.commands_held = loop_.gate().held();
-  p.force_scale = scaling_.target();
+  const control::Scaling& scaling = station_.config().scaling;
+  p.force_scale = scaling_.follows() ? scaling_.target() : scaling.force;
+  p.twin_left = twin_left_;
+  p.force_scale_without_twin = station_.config().impedance_without_twin / scaling.velocity;
   if (scaling_.follows() && keeps_plan_) p.planned_delay_s = scaling_.planned_s();
   p.send_hz = loop_.rate().rate_hz();
   p.send_full_hz = loop_.rate().full_hz();
@@ -381,6 +385,20 @@ void RealTimeSession::note_tip(const recording::Sample& sample) noexcept {
   }
   if (!known) return;
   (station_.tip_up() ? tip_seen_up_ : tip_seen_down_) = true;
+}
+
+/// The station itself goes back to another scale where what it was planned for, the twin, is not felt any more.
+void RealTimeSession::note_scale(const recording::Sample& sample) noexcept {
+  const bool leaves = (sample.station_faults & station::kFaultTwinLeft) != 0;
+  if (!std::exchange(leaves_twin_, leaves) && leaves) {
+    ++twin_left_;
+    if (recorder_ != nullptr) {
+      const double force = station_.config().impedance_without_twin / station_.config().scaling.velocity;
+      recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventScale,
+                                            "force scale lowered: it was planned for the twin",
+                                            static_cast<std::uint32_t>(std::min(force, 4e9))));
+    }
+  }
 }
 
 bool RealTimeSession::over(const recording::Sample& sample) noexcept {

@@ -77,7 +77,9 @@ struct Progress {
   control::Method method = control::Method::kNone;
   double planned_delay_s = 0;  ///< of the loop, that the force scale follows; 0: it does not
   double force_scale = 0;
-  bool chooses_method = false;  ///< by the rule; nobody has said which
+  std::uint32_t twin_left = 0;  ///< times that a stiffness was given up which was planned for the twin alone,
+  double force_scale_without_twin = 0;  ///< for this one
+  bool chooses_method = false;          ///< by the rule; nobody has said which
   double silent_s = 0;
   device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
   bool observes = false;                                           ///< of a shared tip
@@ -185,6 +187,7 @@ class RealTimeSession {
   double hand_time_s(const recording::Sample& sample) const noexcept;
   bool motion_over(const recording::Sample& sample) const noexcept;
   void note_tip(const recording::Sample& sample) noexcept;
+  void note_scale(const recording::Sample& sample) noexcept;
   bool over(const recording::Sample& sample) noexcept;
 
   SessionHand hand_;
@@ -229,6 +232,8 @@ class RealTimeSession {
   std::uint64_t last_sessions_;
   std::uint32_t last_epoch_;
   bool last_observes_ = false;
+  bool leaves_twin_ = false;
+  std::uint32_t twin_left_ = 0;
   double last_rate_hz_ = 0;
   double last_rate_s_ = 0;
   double undo_at_s_ = 0;  // 0: never

@@ -95,6 +95,13 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
     fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
                control::method_name(now.method), 1e-3 * now.link.rtt_us);
   }
+  if (before.twin_left != now.twin_left) {
+    fmt::print(
+        stderr,
+        "{}the stiffness was planned for the twin, which is not felt any more: the force fades, and comes "
+        "back with force scale {:.4g}\n",
+        end_of_line, now.force_scale_without_twin);
+  }
   if (before.planned_delay_s > 0 && now.planned_delay_s > 0 &&
       before.planned_delay_s != now.planned_delay_s) {
     fmt::print(stderr,

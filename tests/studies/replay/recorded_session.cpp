@@ -67,6 +67,11 @@ station::StationConfig station_of(const RecordingReader& reader) {
   c.allow_unsafe_scaling = text_of(reader, "allow_unsafe_scaling") == "true";
   if (const std::string damping = reader.configuration("device.damping_n_s_m"); !damping.empty())
     c.device_damping_n_s_m = std::strtod(damping.c_str(), nullptr);
+  if (const std::string latency = reader.configuration("device.latency_s"); !latency.empty()) {
+    c.device_latency_s = std::strtod(latency.c_str(), nullptr);
+    if (const std::string without = reader.configuration("scaling.impedance_without_twin"); !without.empty())
+      c.impedance_without_twin = std::strtod(without.c_str(), nullptr);
+  }
   return c;
 }
 

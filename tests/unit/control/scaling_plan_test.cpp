@@ -93,6 +93,35 @@ TEST(ScalingPlan, TheDelayOfTheWayBindsOnlyMethodsThatRestOnTheLoop) {
   }
 }
 
+// Four times as stiff without delay, 4e8 instead of 1e8, less by the device's latency, and only for the twin; what
+// nobody measured is taken for a sample, and a latency beyond a sample counts for all.
+TEST(ScalingPlan, TheTwinsForceWaitsForTheDeviceAloneWhereThatWasMeasured) {
+  ScalingPlanInput in = omega();
+  in.device_force_max_n = 1000;  // lest it bind
+  in.plant.delay_samples = 50;
+  const auto force = [&in](Method method, double latency_s) {
+    in.method = method;
+    in.device_latency_s = latency_s;
+    return plan_scaling(in).passive_force_scale;
+  };
+  expect_near(force(Method::kTwin, -1), 1e8);
+  expect_near(force(Method::kTwin, 0), 4e8);
+  expect_near(force(Method::kTwin, 1e-3), 1e8);
+  expect_near(force(Method::kTwin, 0.25e-3), 1 / (0.75 / 4e8 + 0.25 / 1e8));
+  expect_near(force(Method::kTwin, 2e-3), 4e8 / 9);
+  for (const Method method : {Method::kModel, Method::kTank, Method::kKsClamp}) {
+    for (const double latency_s : {-1.0, 0.0, 0.5e-3, 1e-3}) expect_near(force(method, latency_s), 1e8);
+    expect_near(force(method, 2e-3), 4e8 / 9);
+  }
+  for (const double latency_s : {-1.0, 0.0, 2e-3})
+    expect_near(force(Method::kKs, latency_s), 4e8 / (51 * 51));
+  in.method = Method::kTwin;
+  in.device_latency_s = 0.25e-3;
+  const std::string reason = plan_reason(in, plan_scaling(in));
+  EXPECT_NE(reason.find("0.25 samples of delay"), std::string::npos) << reason;
+  EXPECT_NE(reason.find("planned for the twin alone"), std::string::npos) << reason;
+}
+
 TEST(ScalingPlan, AGivenVelocityScaleIsKept) {
   ScalingPlanInput in = omega();
   in.velocity_scale = 1e-4;

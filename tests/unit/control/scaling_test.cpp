@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -188,6 +190,41 @@ TEST(Scaling, CrossesUnitsOnceAndConsistently) {
 TEST(Scaling, DeviceBound) {
   EXPECT_NEAR(device_force_scale_bound(0.8, 12, 100), 9.6 / 100e-9, 1);
   EXPECT_EQ(device_force_scale_bound(0.8, 12, 0), std::numeric_limits<double>::infinity());
+}
+
+/// The least that any hand, whatever its way through so many periods, puts into a device of 1 N s/m that holds a
+/// sampled spring for periods of 1 s, `delay` of them late; per square of its way. Hand motions are lines between
+/// `kParts` places a period: what it puts in, b∫v² dt − ∫F v dt, is then a quadratic form of the steps between
+/// them, and its least eigenvalue says whether there is a motion that takes something out.
+double least_put_in(double spring_n_m, double delay) {
+  constexpr int kPeriods = 10, kParts = 5;
+  const int late = static_cast<int>(std::lround(delay * kParts));
+  Eigen::MatrixXd form = Eigen::MatrixXd::Identity(kPeriods * kParts, kPeriods * kParts) * kParts;
+  for (int step = late; step < kPeriods * kParts; ++step) {
+    const int sampled = (step - late) / kParts * kParts;
+    for (int before = 0; before < sampled; ++before) form(step, before) += spring_n_m;
+  }
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(0.5 * (form + form.transpose()))
+      .eigenvalues()
+      .minCoeff();
+}
+
+TEST(ExactBound, HoldsForEveryHandWhereTheForceIsAPartOfAPeriodLate) {
+  ScalingPlant p = plant(1, 0, 1, 0, 0);
+  p.period_s = 1;
+  for (const double delay : {0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.4, 2.0}) {
+    const double spring_n_m = exact_impedance_bound(p, delay);
+    EXPECT_GE(least_put_in(0.999 * spring_n_m, delay), 0) << delay;
+    // Any environment counts, of which a spring alone is not the worst; without a delay it is.
+    if (delay <= 1) {
+      EXPECT_LT(least_put_in((delay == 0 ? 1.001 : 1.6) * spring_n_m, delay), 0) << delay;
+    }
+    EXPECT_LT(exact_impedance_bound(p, delay + 0.1), exact_impedance_bound(p, delay));
+  }
+  for (const int whole : {0, 1, 7}) {
+    p.delay_samples = whole;
+    EXPECT_EQ(exact_impedance_bound(p, static_cast<double>(whole)), exact_impedance_bound(p));
+  }
 }
 
 }  // namespace

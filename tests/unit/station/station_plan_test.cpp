@@ -115,6 +115,42 @@ TEST(StationPlan, PlansOnlyWhatNobodyGave) {
   EXPECT_EQ(said, "");
 }
 
+// Where damping and latency were measured the twin is planned for no delay, and the way back to any method with it.
+TEST(StationPlan, TheTwinAloneIsPlannedForNoDelayWhereTheDeviceWasMeasured) {
+  const auto chosen = [](const std::string& text, control::Method method, std::string& said) {
+    StationFile file = parse_station_file(text, "s.toml");
+    file.station.method = method;
+    said = choose_scaling(file, device::sim_device_info(file.plant), slave_limits(welcome()), 100);
+    return file.station;
+  };
+  const std::string damping = "[device]\ndamping_n_s_m = 0.2\n";
+  const std::string measured = damping + "latency_ms = 0.0\n";
+  std::string said;
+  const auto as_model = chosen(measured, control::Method::kModel, said);
+  EXPECT_EQ(as_model.impedance_without_twin, 0);
+  EXPECT_EQ(said.find("twin"), std::string::npos) << said;
+  const auto unmeasured = chosen(damping, control::Method::kTwin, said);
+  EXPECT_EQ(unmeasured.scaling.force, as_model.scaling.force);
+  EXPECT_EQ(unmeasured.impedance_without_twin, 0);
+  const auto planned = chosen(measured, control::Method::kTwin, said);
+  EXPECT_NE(said.find("planned for the twin alone"), std::string::npos) << said;
+  EXPECT_GT(planned.scaling.force, 1.7 * as_model.scaling.force) << "2b_c/T besides the spring";
+  EXPECT_EQ(planned.impedance_without_twin, as_model.scaling.impedance());
+  // A force scale that a person gives is the twin's alone too, and has a way back.
+  const auto given =
+      chosen("[scaling]\nforce = " + std::to_string(1.5 * as_model.scaling.force) + "\n" + measured,
+             control::Method::kTwin, said);
+  EXPECT_EQ(given.impedance_without_twin, as_model.scaling.impedance());
+  const device::DeviceInfo device = device::sim_device_info({});
+  const station::SlavePort port = slave_port(slave_limits(welcome()));
+  EXPECT_TRUE(station::check_scaling(given, device, port, 100).safe);
+  EXPECT_TRUE(station::check_scaling(planned, device, port, 100).safe);
+  auto as_any = given;
+  as_any.method = control::Method::kModel;
+  EXPECT_FALSE(station::check_scaling(as_any, device, port, 100).safe);
+  EXPECT_THROW(parse_station_file("[device]\nlatency_ms = 0.1\n", "s.toml"), UserError);
+}
+
 TEST(StationPlan, ChoosesNothingWhereNothingIsSafe) {
   StationFile file = parse_station_file("[device]\ndamping_n_s_m = 0.0\n", "s.toml");
   const device::DeviceInfo device = device::sim_device_info(file.plant);
