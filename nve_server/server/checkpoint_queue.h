@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -41,16 +42,24 @@ struct CheckpointNote {
   std::uint64_t number = 0;  ///< grows with each state of a session, whichever server it is with
 };
 
-/// From one worker's loop to the keeper: notes, and a few buffers that go to and fro, so that the loop neither
-/// allocates nor waits. Where no buffer is free, a state is written later.
+/// From one worker's loop to the keeper: notes, and buffers that go to and fro, so that the loop neither
+/// allocates nor waits. Where no buffer is free, a state is written later. On a busy machine the keeper runs once
+/// in some ten milliseconds, and then writes what the buffers hold: small states get many buffers.
 class CheckpointQueue {
  public:
-  static constexpr std::uint32_t kBuffers = 4;
+  static constexpr std::uint32_t kLeastBuffers = 4;
+  static constexpr std::uint32_t kMostBuffers = 256;
+  static constexpr std::size_t kBytesOfMany = std::size_t{4} << 20;  ///< beyond the least number
   static constexpr std::size_t kNotes = 8192;
 
+  static constexpr std::uint32_t buffers_of(std::size_t bytes) noexcept {
+    const std::size_t many = kBytesOfMany / std::max<std::size_t>(bytes, 1);
+    return static_cast<std::uint32_t>(std::clamp<std::size_t>(many, kLeastBuffers, kMostBuffers));
+  }
+
   CheckpointQueue(std::size_t bytes, Bell& bell)
-      : bytes_(bytes), bell_(bell), notes_(kNotes), free_(kBuffers) {
-    for (std::uint32_t i = 0; i < kBuffers; ++i) {
+      : bytes_(bytes), bell_(bell), notes_(kNotes), free_(buffers_of(bytes)) {
+    for (std::uint32_t i = 0; i < buffers_of(bytes); ++i) {
       buffers_.push_back(std::make_unique_for_overwrite<std::uint8_t[]>(bytes));  // most is never touched
       free_.push(i);
     }

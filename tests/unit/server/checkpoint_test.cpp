@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -200,6 +201,41 @@ class CheckpointFolder : public ::testing::Test {
   }
   std::string folder;
 };
+
+/// A keeper runs seldom on a busy machine. What its worker says meanwhile is held: of small states many, of large
+/// ones as few as there is memory for. Nothing is lost or mixed up in it.
+TEST(CheckpointQueue, ManySmallStatesWaitForTheirKeeper) {
+  constexpr std::size_t kMiB = std::size_t{1} << 20;
+  for (const std::size_t bytes : {std::size_t{1}, std::size_t{4096}, kMiB, 16 * kMiB, 64 * kMiB}) {
+    const std::size_t buffers = server::CheckpointQueue::buffers_of(bytes);
+    EXPECT_GE(buffers, 4u) << bytes;
+    EXPECT_LE(buffers * bytes, std::max(4 * kMiB, 4 * bytes)) << bytes;
+  }
+  server::Bell bell;
+  server::CheckpointQueue queue(4096, bell);
+  constexpr std::uint64_t kBurst = 200;
+  for (std::uint64_t i = 0; i < kBurst; ++i) {
+    const auto out = queue.next_buffer();
+    ASSERT_FALSE(out.empty()) << "after " << i << " states that nobody fetched";
+    std::fill(out.begin(), out.end(), static_cast<std::uint8_t>(i));
+    CheckpointNote note;
+    note.size = 100 + i;
+    note.token = i;
+    ASSERT_TRUE(queue.post_state(note));
+  }
+  EXPECT_FALSE(queue.idle());
+  CheckpointNote note;
+  for (std::uint64_t i = 0; i < kBurst; ++i) {
+    ASSERT_TRUE(queue.fetch(note));
+    EXPECT_EQ(note.token, i);
+    const auto bytes = queue.buffer(note.buffer).first(note.size);
+    EXPECT_EQ(std::count(bytes.begin(), bytes.end(), static_cast<std::uint8_t>(i)),
+              static_cast<std::ptrdiff_t>(100 + i));
+    queue.give_back(note.buffer);
+  }
+  EXPECT_FALSE(queue.fetch(note));
+  EXPECT_TRUE(queue.idle());
+}
 
 TEST_F(CheckpointFolder, OfAServerThatWasKilledIsTakenUpOnce) {
   const auto state = ploughed(5, 9);
