@@ -3,7 +3,7 @@
 # small virtual machine, so that this machine stays as it is.
 #   service_vm.sh BUILD_DIR [MODE] afm: instead, with a simulated AFM whose tip must not stay out however the unit ends
 #                                  drain: instead, a drain while a station presses, with a deadman (quiet machine)
-#                                  both: instead, server and guard killed together, with a deadman (likewise)
+#                                  both: instead, server and guard killed together, with a deadman (likewise; not run to its end yet)
 #                                  scan: instead, the first start with a scan, whose fields take longer than systemd waits
 # Exit status 77: no virtual machine can be had here (vm.sh says why).
 set -euo pipefail
@@ -138,15 +138,15 @@ checks() {
   deadman() { /usr/bin/python3 -B "$here/../../deploy/afm/deadman.py" "$@"; }
   with_a_deadman() { # simulator
     touch /out/server.log
-    mkdir -p /tmp/deadman
-    deadman new-key /tmp/deadman/deadman.key >/dev/null
-    install -m 600 -o telenano /tmp/deadman/deadman.key /etc/telenano/server.key
-    printf 'listen = "127.0.0.1:6514"\ncontroller = "127.0.0.1:6504"\nkey = "deadman.key"\nsilence_ms = 900\n' >/tmp/deadman/deadman.toml
+    mkdir -p /run/deadman
+    deadman new-key /run/deadman/deadman.key >/dev/null
+    install -m 600 -o telenano /run/deadman/deadman.key /etc/telenano/server.key
+    printf 'listen = "127.0.0.1:6514"\ncontroller = "127.0.0.1:6504"\nkey = "deadman.key"\nsilence_ms = 900\n' >/run/deadman/deadman.toml
     { sed -e 's/^link_loss_ms = .*/link_loss_ms = 5000.0/' -e 's/^reply_timeout_ms = .*/reply_timeout_ms = 5000.0\nstale_force_ms = 5000.0/' \
         /usr/share/telenano/afm.toml; printf '\n[deadman]\nkey = "server.key"\n'; } >/etc/telenano/afm.toml
 
     simulate "$1"
-    deadman run --config /tmp/deadman/deadman.toml 2>/out/deadman.log & watcher=$!
+    deadman run --config /run/deadman/deadman.toml 2>/out/deadman.log & watcher=$!
     check "a deadman" says /out/deadman.log 'connected to the controller'
   }
   without_the_deadman() {
@@ -174,7 +174,7 @@ checks() {
     check "drain: well" is ExecMainStatus 0
     check "drain: says so" server_says 'the last session is gone'
     check "drain: the guard ends too" until_no_guard 20
-    check "drain: nothing is latched" bash -c '! ls /tmp/deadman/*.latch'
+    check "drain: nothing is latched" bash -c '! ls /run/deadman/*.latch'
     check "drain: the tip is withdrawn" tip_of drain1 withdrawn
     check "drain: and had pressed within its limit" pressed drain1 40
 
@@ -203,11 +203,11 @@ checks() {
     systemctl kill -s KILL 'telenano-nve-afm-guard@*' || true
     systemctl --no-block kill -s KILL telenano-nve || true
     check "deadman: withdraws the tip" says /out/deadman.log 'the tip is withdrawn'
-    check "deadman: keeps that" ls /tmp/deadman/deadman.latch
+    check "deadman: keeps that" ls /run/deadman/deadman.latch
     check "deadman: the restarted server is told" server_says 'has withdrawn the tip: look at it'
     check "deadman: which is not tried for ever" until_is ActiveState failed 60
     kill -TERM "$station" 2>/dev/null || true; wait "$station" || true
-    check "deadman: is cleared" deadman clear --config /tmp/deadman/deadman.toml
+    check "deadman: is cleared" deadman clear --config /run/deadman/deadman.toml
     systemctl reset-failed telenano-nve 2>/dev/null || true
     seen=$(wc -l </out/server.log)
     check "deadman: then the server starts" systemctl start telenano-nve
