@@ -715,7 +715,8 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
     trace.twin_end = twin_->given_up() ? twin_->end() : TwinEnd::kNone;
     trace.twin_behind = twin_->on() ? twin_->behind() : 0;
   }
-  const bool twin_on = twin_ && twin_->on();
+  // Of another session's tip the twin here says nothing.
+  const bool twin_on = twin_ && twin_->on() && !twin_->waits() && holds_tip();
   trace.contact_radius_nm = twin_on ? twin_->answer().contact_radius_nm : 0;
   trace.adhesion_nn = twin_on ? twin_->answer().adhesion_nn : reply_.model.adhesion_nn;
   trace.slave_energy_in_j = config_.scaling.hand_energy_j(reply_.energy_in_aj);

@@ -369,7 +369,8 @@ void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) const {
   row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
   if (playback_ != nullptr) return;  // recordings do not hold it
   const view_model::ShownContact contact = port_.contact.load();
-  row("contact", view_model::contact_area_text(contact));
+  // The twin of one who looks on touches nothing, whatever the tip does.
+  row("contact", view_model::observes(now) ? "not known here" : view_model::contact_area_text(contact));
   row("adhesion", view_model::adhesion_text(contact));
 }
 

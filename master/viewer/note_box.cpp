@@ -1,5 +1,8 @@
 #include "telenano/master/viewer/note_box.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
 #include <algorithm>
 
 namespace telenano::viewer {
@@ -8,7 +11,25 @@ void NoteBox::open(const recording::Sample& now) {
   note_ = {};
   note_.tick = now.tick;
   note_.time_s = now.time_s;
-  open_ = focus_ = true;
+  open_ = focus_ = waits_ = true;
+  entered_ = false;
+  early_.clear();
+}
+
+// ImGui gives a line the keyboard a frame after it is asked to, and drops what is typed in that frame: where
+// drawing is slow, whole words. The letters of the frame in which the box opens are those of the key that opened
+// it.
+void NoteBox::keep_what_is_early() {
+  auto& letters = ImGui::GetIO().InputQueueCharacters;
+  if (waits_) {
+    if (!focus_) early_.insert(early_.end(), letters.begin(), letters.end());
+    entered_ |= !focus_ && ImGui::IsKeyPressed(GLFW_KEY_ENTER, false);
+    letters.resize(0);
+    return;
+  }
+  for (int i = 0; i < static_cast<int>(early_.size()); ++i)
+    letters.insert(letters.begin() + i, early_[static_cast<std::size_t>(i)]);
+  early_.clear();
 }
 
 std::optional<view_model::Note> NoteBox::draw(const Gui& gui) {
@@ -22,11 +43,15 @@ std::optional<view_model::Note> NoteBox::draw(const Gui& gui) {
   ImGui::Begin("note", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
   ImGui::Text("Note at %.1f s", note_.time_s);
+  const bool ends = entered_ && !waits_;  // once the letters before it are in the line
+  keep_what_is_early();
   if (focus_) ImGui::SetKeyboardFocusHere();
   focus_ = false;
   ImGui::SetNextItemWidth(-1);
   const bool done = ImGui::InputTextWithHint("##note", "what you saw", note_.text.data(), note_.text.size(),
-                                             ImGuiInputTextFlags_EnterReturnsTrue);
+                                             ImGuiInputTextFlags_EnterReturnsTrue) ||
+                    ends;
+  waits_ &= !ImGui::IsItemActive();
   ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kQuiet));
   ImGui::TextWrapped("Enter: into the recording. Empty: no note. Esc is STOP here too.");
   ImGui::PopStyleColor();

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <imgui.h>
+
 #include <array>
 #include <optional>
+#include <vector>
 
 #include "telenano/common/recording/sample.h"
 #include "telenano/master/view_model/view_port.h"
@@ -16,12 +19,18 @@ class NoteBox {
   void close() noexcept { open_ = false; }
   bool is_open() const noexcept { return open_; }
 
-  /// Within a frame. The note, in the frame in which Enter ends it; an empty line ends it without one.
+  /// Within a frame. The note, in the frame in which Enter ends it; an empty line ends it without one. What is
+  /// typed from the frame after the box opened is in it, however slowly the window is drawn.
   std::optional<view_model::Note> draw(const Gui& gui);
 
  private:
+  void keep_what_is_early();
+
   bool open_ = false;
-  bool focus_ = false;
+  bool focus_ = false;          // asked for in the frame to come
+  bool waits_ = false;          // for the line to have the keyboard
+  bool entered_ = false;        // Enter was pressed while it waited
+  std::vector<ImWchar> early_;  // typed while it waited
   view_model::Note note_;
 };
 

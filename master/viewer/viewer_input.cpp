@@ -209,8 +209,8 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   hand_.resist(resists ? Vec3(now.force_w_nn[0], now.force_w_nn[1], now.force_w_nn[2]) : Vec3(Vec3::Zero()),
                kHalfOfForce * facts_.hand_force_limit_n * kNanonewtonPerNewton / now.force_scale);
   const bool dragging_hand = drag_ == Drag::kHandInOverview || drag_ == Drag::kHandInCloseUp;
-  hand_.hold(panel_.mouse_leads() &&
-             (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
+  hand_.hold(panel_.mouse_leads() && (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) &&
+                                                        !io.WantTextInput && !note_box_.is_open())));
   hand_.update(time_s);
 
   const view_model::Camera camera = fitted_overview(l.overview);

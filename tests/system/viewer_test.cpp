@@ -36,6 +36,18 @@ above() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a != "" && a + 0 > b + 0) }'; 
 below() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a != "" && a + 0 < b + 0) }'; }
 # N moves of the pointer by so many pixels down, as fast as a hand goes.
 drag() { xdotool $(for i in $(seq $1); do echo mousemove_relative -- 0 $2 sleep 0.03; done); }
+# Drags by $3 pixels a move from height $2 until $1; $4: it is held already. A tip that its server has withdrawn (it
+# had heard nothing for a while) is farther from the sample than the mouse leads it at once, and a hand whose window
+# draws nothing for a while is let go: whoever gets no further lets go too, and drags again from there.
+lead() {
+  for n in 1 2 3; do
+    [ "$4" = held ] && [ $n = 1 ] || { xdotool mousemove 760 $2 mousedown 1; echo click; }
+    drag 165 $3
+    end=$((SECONDS + 6)); while [ $SECONDS -lt $end ]; do eval "$1" && return; sleep 0.1; done
+    xdotool mouseup 1; sleep 1.5
+  done
+  echo "no: $1"
+}
 )sh";
 
 class ViewerPrograms : public ::testing::Test {
@@ -726,7 +738,8 @@ TEST_F(ViewerPrograms, AWindowThatGetsReadyCanBeLeft) {
 }
 
 // Who has never been here: the window opens, two clicks choose and begin (the server answers by itself), and
-// one drag down and up ends with a pull-off. Eight are allowed.
+// one drag down and up ends with a pull-off. Eight clicks are allowed: where the machine is so busy that the server
+// has withdrawn the tip before the session began, the mouse takes hold more than once, as the window says.
 TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
   for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
     if (!std::filesystem::exists(program))
@@ -745,9 +758,9 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
          // The mouse as hand; Start.
          "click 323 137; see 'Telenano: start, mouse'; click 300 764\n"
          "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'\n"
-         "xdotool mousemove 760 150 mousedown 1; echo click; drag 165 4; await 'above \"$(told force)\" 1'\n"
+         "lead 'above \"$(told force)\" 1' 150 4\n"
          "press_until p '[ -s telenano-1.png ]'\n"
-         "drag 165 -4; await 'above \"$(told tip)\" 5 || ! drag 5 -4'\n"
+         "lead 'above \"$(told tip)\" 5 || ! drag 5 -4' 580 -4 held\n"
          "press_until p '[ -s telenano-2.png ]'\n"
          "xdotool mouseup 1 key n; see 'Telenano: .*, writing a note'\n"
          "xdotool type --delay 60 'it held on; lets go'; xdotool key Return\n"
@@ -755,9 +768,14 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
          "kill $start; wait $start; echo ended with $?\n";
   const Finished user =
       run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 2 * kLong);
+                  {}, 4 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
-  EXPECT_EQ(user.out, "click\nclick\nclick\nended with 0\n") << file_text(path("err.txt"));
+  const std::vector<std::string> lines = lines_of(user.out);
+  const auto clicks = std::count(lines.begin(), lines.end(), "click");
+  EXPECT_GE(clicks, 3);
+  EXPECT_LE(clicks, 8) << user.out << file_text(path("err.txt"));
+  ASSERT_EQ(lines.size(), static_cast<std::size_t>(clicks) + 1) << user.out << file_text(path("err.txt"));
+  EXPECT_EQ(lines.back(), "ended with 0") << file_text(path("err.txt"));
   // By the summary the tip was in contact and held on; by the rows it then came free.
   const std::string told = file_text(path("err.txt"));
   EXPECT_EQ(told.find("pull-off force                       0.00"), std::string::npos) << told;

@@ -88,7 +88,9 @@ void RealTimeSession::run() noexcept {
       requests_->show(sample, loop_.force_off());
       const station::StationTrace& trace = loop_.trace();
       requests_->show(trace.twin);
-      const bool twin = trace.twin != station::TwinState::kNone && trace.twin != station::TwinState::kGivenUp;
+      const bool twin = trace.twin != station::TwinState::kNone &&
+                        trace.twin != station::TwinState::kGivenUp &&
+                        trace.twin != station::TwinState::kWaits && !trace.observes;
       requests_->show(view_model::ShownContact{trace.contact_radius_nm, trace.adhesion_nn, twin});
       requests_->show_chooser(chooses_method_);
       if (motion != nullptr) requests_->show(motion->task());

@@ -130,6 +130,8 @@ int start(const StartFlags& flags) {
     choice.recording = free_recording(choice.recording);
     if (!viewer::run_start_window(facts, choice, hooks)) break;
     run_session_program(choice, stop, facts);
+    // What the server said before says nothing of one that may be gone.
+    if (facts.last_failed && !stop) question.ask(choice, facts);
   }
   return 0;
 }

@@ -105,6 +105,29 @@ TEST_F(Guidance, WordsOfTheGuideAndTheTwinLieOnNoOthers) {
   }
 }
 
+// A twin of one's own touches nothing while another's tip is seen in contact.
+TEST_F(Guidance, WhoLooksOnWithATwinReadsNoContactOfItsOwn) {
+  make(1);
+  recording::Sample s = support::view_sample(1650);
+  s.contact_state = 3;
+  s.method = static_cast<std::uint32_t>(control::Method::kTwin);
+  port_.contact.store({0, 38.9, true});
+  const auto show = [&](std::uint32_t flags) {
+    s.limit_flags = flags;
+    ++s.tick;
+    port_.samples.push(s);
+    viewer_->take_samples();
+    frame();
+    return drawn_text(glyphs());
+  };
+  show(0);
+  const std::string own = show(0);
+  EXPECT_NE(own.find("noneletsgoat38.9nN"), std::string::npos) << own;
+  show(recording::kLimitObserves);
+  const std::string anothers = show(recording::kLimitObserves);
+  EXPECT_NE(anothers.find("notknownhereletsgoat38.9nN"), std::string::npos) << anothers;
+}
+
 TEST_F(Guidance, GShowsAndHidesTheGuide) {
   make(1);
   play(0, 100);

@@ -317,6 +317,47 @@ TEST_F(Render, ANoteAndTheWayOutInOneFrameAreBothHeard) {
   EXPECT_TRUE(asked());
 }
 
+// A slow picture sees whole words at once, in the very next frame after the one that opened the box.
+TEST_F(Render, WhatIsTypedBeforeTheNoteIsDrawnIsInIt) {
+  facts_.recording = "r.h5";
+  facts_.mouse_is_hand = true;
+  ImGuiIO* io = nullptr;
+  const auto open = [&] {
+    make();
+    play(0, 1);
+    io = &ImGui::GetIO();
+    io->KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
+    frame();
+    io->KeysDown[GLFW_KEY_N] = true;
+    io->AddInputCharacter('n');
+    frame();
+    io->KeysDown[GLFW_KEY_N] = false;
+  };
+  open();
+  io->AddInputCharactersUTF8("it held");
+  io->KeysDown[GLFW_KEY_SPACE] = true;
+  frame();
+  EXPECT_EQ(viewer_->hand().buttons(time_s_) & static_cast<std::uint32_t>(device::kButtonDeadman), 0u)
+      << "a space of the note is no hand";
+  io->KeysDown[GLFW_KEY_SPACE] = false;
+  io->AddInputCharactersUTF8(" on");
+  frame();
+  io->AddInputCharactersUTF8("; lets go");
+  frame();
+  press(GLFW_KEY_ENTER);
+  view_model::Note note;
+  ASSERT_TRUE(port_.notes.pop(note));
+  EXPECT_STREQ(note.text.data(), "it held on; lets go");
+  // Enter too.
+  open();
+  io->AddInputCharactersUTF8("it held on");
+  press(GLFW_KEY_ENTER);
+  frame();
+  ASSERT_TRUE(port_.notes.pop(note));
+  EXPECT_STREQ(note.text.data(), "it held on");
+  EXPECT_FALSE(viewer_->writes_note());
+}
+
 TEST_F(Render, TheSurfaceThatIsDrawnIsWhatSSaves) {
   make();
   play(0, 1);
