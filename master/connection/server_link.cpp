@@ -27,7 +27,7 @@ security::StationKey key_of(const ServerAccess& options) {
                                : security::load_token(options.token).key;
 }
 
-void check_flags(const ServerAccess& options, const net::Address& server) {
+void check_together(const ServerAccess& options) {
   const bool any =
       !options.certificate.empty() || !options.certificate_key.empty() || !options.authority.empty();
   const bool all =
@@ -43,6 +43,10 @@ void check_flags(const ServerAccess& options, const net::Address& server) {
   }
   if (!options.identity.empty() && (any || !options.key.empty() || !options.token.empty()))
     throw UserError("--identity: leave out --key, --token and --cert");
+}
+
+void check_flags(const ServerAccess& options, const net::Address& server) {
+  check_together(options);
   if (!net::is_loopback(server) && !wants_security(options)) {
     throw UserError(fmt::format(
         "--server {}: off loopback sessions are encrypted; give --key FILE (telenano-nve keys new makes "
@@ -154,6 +158,14 @@ void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& st
     if (stop) throw RunError("stopped before the server answered");
     wait_readable(1'000'000);
   }
+}
+
+void require_credentials(const ServerAccess& options) {
+  check_together(options);
+  if (wants_key(options)) key_of(options);
+  if (options.identity.empty()) return;
+  security::read_identity_name(options.identity, "--identity");
+  server_keys(options.server_key);
 }
 
 std::string describe_security(const ServerAccess& options) {

@@ -45,6 +45,9 @@ class ServerLink {
   std::unique_ptr<PracticeDatagram> practice_;  // over the other two
 };
 
+/// Throws UserError as ServerLink does for what a station shows and expects, without a server.
+void require_credentials(const ServerAccess& options);
+
 /// How this station shows who it is, for the recording: "none", "key omega-1", "certificate FILE".
 std::string describe_security(const ServerAccess& options);
 

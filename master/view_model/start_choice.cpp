@@ -22,11 +22,17 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
+void add_keys(const StartChoice& choice, std::vector<std::string>& arguments) {
+  if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
+  if (!choice.identity.empty()) arguments.insert(arguments.end(), {"--identity", choice.identity});
+  if (!choice.server_key.empty()) arguments.insert(arguments.end(), {"--server-key", choice.server_key});
+}
+
 }  // namespace
 
 std::vector<std::string> run_arguments(const StartChoice& choice) {
   std::vector<std::string> arguments{"run", "--server", choice.server, "--device", choice.device, "--view"};
-  if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
+  add_keys(choice, arguments);
   if (choice.method != "auto") arguments.insert(arguments.end(), {"--method", choice.method});
   if (choice.guide) arguments.emplace_back("--guide");
   if (choice.text_size != 1)
@@ -37,7 +43,7 @@ std::vector<std::string> run_arguments(const StartChoice& choice) {
 
 std::vector<std::string> plan_arguments(const StartChoice& choice) {
   std::vector<std::string> arguments{"plan", "--server", choice.server, "--felt", "--method", choice.method};
-  if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
+  add_keys(choice, arguments);
   return arguments;
 }
 
@@ -50,6 +56,11 @@ std::string shell_line(const std::string& program, const std::vector<std::string
 std::string choice_fault(const StartChoice& choice) {
   if (choice.server.empty()) return "Name a server: HOST:PORT of a telenano-nve serve";
   if (choice.server.find(':') == std::string::npos) return "The server needs its port: HOST:PORT";
+  if (choice.identity.empty() != choice.server_key.empty())
+    return choice.identity.empty() ? "Name this station's own key pair too, or clear the server's key"
+                                   : "Name the server's key too: telenano-nve keys identity prints it";
+  if (!choice.identity.empty() && !choice.key.empty())
+    return "A key file or a key pair of its own: clear one";
   if (choice.record && choice.recording.empty()) return "Name the recording's file, or switch it off";
   return "";
 }

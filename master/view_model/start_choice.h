@@ -8,7 +8,9 @@ namespace telenano::view_model {
 /// What a person chooses before a session.
 struct StartChoice {
   std::string server = "127.0.0.1:5100";  ///< HOST:PORT
-  std::string key;                        ///< file; empty: not encrypted
+  std::string key;                        ///< file; empty, and no identity: not encrypted
+  std::string identity;                   ///< file of this station's own key pair, instead of `key`
+  std::string server_key;                 ///< with it: what the server shows, "sha256:…"
   std::string device = "sim";             ///< as --device takes it
   std::string method = "auto";
   bool guide = false;    ///< to a first touch

@@ -53,6 +53,25 @@ float StartScreen::label(const char* text) const {
   return wide;
 }
 
+StartScreen::Wish StartScreen::draw_keys(view_model::StartChoice& choice) {
+  Wish wish = Wish::kNone;
+  const auto field = [&](const char* name, const char* id, const char* hint, std::string& text) {
+    label(name);
+    ImGui::SetNextItemWidth(-1);
+    if (edit(id, hint, text, true)) wish = Wish::kLook;
+  };
+  const bool pair = !choice.identity.empty() || !choice.server_key.empty();
+  // The one that is not used stays in sight only where both were named: that is a fault to be cleared.
+  if (!pair || !choice.key.empty())
+    field("Key file", "##key", "none: in the clear, for this machine alone", choice.key);
+  field("Identity", "##identity", "none: file of a key pair that telenano-master enroll made",
+        choice.identity);
+  if (pair)
+    field("Server's key", "##server_key", "sha256:…, as the server's keys identity prints it",
+          choice.server_key);
+  return wish;
+}
+
 void StartScreen::draw_hands(const StartFacts& facts, view_model::StartChoice& choice) {
   label("Hand");
   ImGui::BeginGroup();
@@ -83,19 +102,22 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
       ImGui::PushID(&seen);
       // A server has one sample: to choose another is to choose another server.
       const std::string text = (seen.scene.empty() ? "" : seen.scene + "   at ") + seen.server +
-                               (seen.key.empty() ? "" : "   key " + seen.key);
-      if (ImGui::Selectable(text.c_str(), seen.server == choice.server && seen.key == choice.key)) {
+                               (seen.key.empty() ? "" : "   key " + seen.key) +
+                               (seen.identity.empty() ? "" : "   identity " + seen.identity);
+      const bool chosen = seen.server == choice.server && seen.key == choice.key &&
+                          seen.identity == choice.identity && seen.server_key == choice.server_key;
+      if (ImGui::Selectable(text.c_str(), chosen)) {
         choice.server = seen.server;
         choice.key = seen.key;
+        choice.identity = seen.identity;
+        choice.server_key = seen.server_key;
         wish = Wish::kLook;
       }
       ImGui::PopID();
     }
     ImGui::EndGroup();
   }
-  label("Key file");
-  ImGui::SetNextItemWidth(-1);
-  if (edit("##key", "none: in the clear, for this machine alone", choice.key, true)) wish = Wish::kLook;
+  if (draw_keys(choice) != Wish::kNone) wish = Wish::kLook;
   draw_hands(facts, choice);
   label("Method");
   ImGui::SetNextItemWidth(150 * s);

@@ -21,7 +21,9 @@ struct OfferedHand {
 struct SeenServer {
   std::string server;
   std::string key;
-  std::string scene{};  ///< that it had when it answered last; empty: not known
+  std::string scene{};       ///< that it had when it answered last; empty: not known
+  std::string identity{};    ///< the station's own key pair, instead of `key`, and
+  std::string server_key{};  ///< what the server showed
 };
 
 /// What the start screen tells a person.
@@ -53,6 +55,7 @@ class StartScreen {
   void draw_plan(const StartFacts& facts, const view_model::StartChoice& choice);
   void draw_end(const StartFacts& facts);
   Wish draw_foot(const StartFacts& facts, const view_model::StartChoice& choice);
+  Wish draw_keys(view_model::StartChoice& choice);
   float label(const char* text) const;
 
   float screen_scale_;

@@ -15,7 +15,9 @@ from wire import CLUTCH, DEADMAN, TAKE_OVER, decode, encode, vector
 SLOTS, SHARE = 64, 16  # of the defaults
 
 
-class WithKeys(unittest.TestCase):
+class Keyed(unittest.TestCase):
+    """A server with three keys; what it serves is up to the test."""
+
     def setUp(self):
         if dtls.SSL is None:
             self.skipTest("no libssl.so.3")
@@ -29,14 +31,16 @@ class WithKeys(unittest.TestCase):
                 self.skipTest("a server without DTLS")
             self.assertEqual(made.returncode, 0, made.stderr)
 
-    def serve(self, *more):
-        self.child, self.server = serve(self, "flat_pdms", "--keys", self.folder / "keys.toml", *more)
+    def serve(self, *more, scene="flat_pdms"):
+        self.child, self.server = serve(self, scene, "--keys", self.folder / "keys.toml", *more)
 
     def channel(self, name):
         sock = udp(self)
         sock.connect(self.server)
         return dtls.Channel(self, sock, self.folder / f"{name}.key")
 
+
+class WithKeys(Keyed):
     def ask(self, channel, datagram):
         channel.send(datagram)
         return decode(channel.recv())

@@ -8,6 +8,7 @@ import json
 import pathlib
 import re
 import shlex
+import shutil
 import signal
 import sys
 import unittest
@@ -125,13 +126,46 @@ class PublicKeys(RealPrograms):
         self.done_well(NVE, "keys", "revoke", key)
         self.assertEqual(len(self.done_well(NVE, "keys", "list").stdout.splitlines()), 2)
 
+    def test_the_start_screen_opens_a_session_with_the_pair_and_remembers_it(self):
+        """The window of `start`, and its second one without any word of keys."""
+        if not all(map(shutil.which, ("xvfb-run", "xdotool"))):
+            self.skipTest("no xvfb-run or xdotool: apt-get install xvfb xauth xdotool")
+        shown = self.enroll("omega-1")
+        server = self.server()
+        (self.folder / "user.sh").write_text(f"""
+export XDG_STATE_HOME={self.folder}/state
+see() {{ xdotool search --sync --name "$1" >/dev/null; }}
+session() {{
+  {MASTER} start "$@" 2>>err.txt & start=$!
+  see 'Telenano: start, sim at .*, answered'; xdotool key Return; see 'Telenano: flat_silicon_oxide at'
+  for i in $(seq 600); do [ $(grep -c 'session opened' audit.jsonl) -ge $want ] && break; sleep 0.1; done
+  kill $start; wait $start
+}}
+want=2; session --server {server.address} {shlex.join(shown)}
+want=4; session
+""")
+        done = self.run_program("xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "timeout", "100", "bash", "user.sh", wait_s=120)
+        said = done.stdout + done.stderr + (self.folder / "err.txt").read_text()
+        # Each time the plan, which asks the server what will be felt, and the session itself.
+        self.assertEqual([e["key"] for e in self.events("session opened")], 4 * ["omega-1"], said)
+        self.assertEqual((self.folder / "state/telenano/servers").read_text(),
+                         "\t".join((server.address, "", "flat_silicon_oxide", shown[1], shown[3])) + "\n")
+
     def test_wrong_words(self):
         shown = self.enroll("omega-1")
         (self.folder / "open.id").write_bytes((self.folder / "omega-1.id").read_bytes())
         (self.folder / "open.id").chmod(0o644)
         (self.folder / "empty.id").touch(0o600)
         run = (MASTER, "run", "--server", "127.0.0.1:5100")
-        for words, said in (((*run, *shown[:2]), "go together"),
+        start = (MASTER, "start", "--server", "127.0.0.1:5100")
+        for words, said in (((*start, *shown[:2]), "go together"),
+                            ((*start, *shown[2:]), "go together"),
+                            ((*start, *shown[:3], "sha256:12"), "expected \"sha256:\" and 64"),
+                            ((*start, *shown, "--key", "x.key"), "leave out --key"),
+                            ((*start, "--identity", "open.id", *shown[2:]), "chmod 600"),
+                            ((*start, "--identity", "none.id", *shown[2:]), "none.id"),
+                            ((MASTER, "start", *shown), "--server"),
+                            ((*run, *shown[:2]), "go together"),
                             ((*run, *shown[2:]), "go together"),
                             ((*run, *shown[:3], "sha256:12"), "expected \"sha256:\" and 64"),
                             ((*run, *shown, "--key", "x.key"), "leave out --key"),

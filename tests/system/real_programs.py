@@ -69,8 +69,8 @@ class RealPrograms(unittest.TestCase):
         self.programs.append(Program(self.folder, name, *words, **more))
         return self.programs[-1]
 
-    def run_program(self, *words, **more):
-        return subprocess.run([str(word) for word in words], cwd=self.folder, capture_output=True, text=True, timeout=LONG_S, check=False,
+    def run_program(self, *words, wait_s=LONG_S, **more):
+        return subprocess.run([str(word) for word in words], cwd=self.folder, capture_output=True, text=True, timeout=wait_s, check=False,
                               **more)
 
     def wait_for(self, what, why="it"):

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <utility>
 
 namespace telenano::app {
@@ -11,7 +12,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A line each: server, tab, key file, and where it is known a tab and the scene's name.
+// A line each: server, key file, scene's name, identity's file, server's key, with tabs between; what is empty at
+// its end is left out, but for the tab behind the server.
 constexpr const char* kFile = "servers";
 constexpr std::size_t kLongest = 1024;
 
@@ -36,16 +38,19 @@ RecentServers::RecentServers(const std::string& folder) : folder_(folder) {
   std::ifstream file(fs::path(folder_) / kFile);
   for (std::string line; list_.size() < kMost && std::getline(file, line);) {
     const auto tab = line.find('\t');
-    if (tab == 0 || tab == std::string::npos || line.size() > 3 * kLongest) continue;
-    const auto second = line.find('\t', tab + 1);
-    RecentServer one{line.substr(0, tab), line.substr(tab + 1, second - tab - 1)};
-    if (second != std::string::npos) one.scene = line.substr(second + 1);
+    if (tab == 0 || tab == std::string::npos || line.size() > 5 * kLongest) continue;
+    RecentServer one{line.substr(0, tab), ""};
+    std::istringstream rest(line.substr(tab + 1));
+    for (std::string* const field : {&one.key, &one.scene, &one.identity, &one.server_key})
+      std::getline(rest, *field, '\t');
     list_.push_back(std::move(one));
   }
 }
 
 void RecentServers::note(RecentServer server) {
-  if (server.server.empty() || !fits_a_line(server.server) || !fits_a_line(server.key)) return;
+  if (server.server.empty() || !fits_a_line(server.server) || !fits_a_line(server.key) ||
+      !fits_a_line(server.identity) || !fits_a_line(server.server_key))
+    return;
   if (!fits_a_line(server.scene)) server.scene.clear();
   std::erase_if(list_, [&](const RecentServer& one) { return one.server == server.server; });
   list_.insert(list_.begin(), std::move(server));
@@ -63,8 +68,13 @@ void RecentServers::write() const {
   const fs::path fresh = file.string() + ".new";
   {
     std::ofstream text(fresh, std::ios::trunc);
-    for (const RecentServer& one : list_)
-      text << one.server << '\t' << one.key << (one.scene.empty() ? "" : "\t") << one.scene << '\n';
+    for (const RecentServer& one : list_) {
+      std::string line =
+          one.server + '\t' + one.key + '\t' + one.scene + '\t' + one.identity + '\t' + one.server_key;
+      while (line.back() == '\t') line.pop_back();
+      if (line.size() == one.server.size()) line += '\t';
+      text << line << '\n';
+    }
     text.close();
     if (!text) return;
   }

@@ -5,11 +5,13 @@
 
 namespace telenano::app {
 
-/// A server that has answered, the key file it was asked with, and the scene it had then.
+/// A server that has answered, the keys it was asked with, and the scene it had then.
 struct RecentServer {
   std::string server;
   std::string key;
-  std::string scene{};  ///< empty: not known
+  std::string scene{};       ///< empty: not known
+  std::string identity{};    ///< file of the station's own key pair, and
+  std::string server_key{};  ///< what the server showed then
 };
 
 /// Servers that have answered lately, newest first, kept for the start screen in one small file.

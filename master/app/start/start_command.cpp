@@ -20,6 +20,7 @@
 #include "telenano/master/app/start/recent_servers.h"
 #include "telenano/master/app/start/start_flags.h"
 #include "telenano/master/app/stop_signals.h"
+#include "telenano/master/connection/server_link.h"
 #include "telenano/master/viewer/start_window.h"
 #include "telenano/master/viewer/window_glfw.h"
 
@@ -87,6 +88,11 @@ void run_session_program(const view_model::StartChoice& choice, const std::atomi
 }
 
 int start(const StartFlags& flags) {
+  connection::ServerAccess access;
+  access.key = flags.key;
+  access.identity = flags.identity;
+  access.server_key = flags.server_key;
+  connection::require_credentials(access);
   if (!viewer::has_display()) {
     throw UserError(
         "start: there is no display; log in graphically or with ssh -X, or use telenano-master run --server "
@@ -97,10 +103,18 @@ int start(const StartFlags& flags) {
   view_model::StartChoice choice;
   choice.guide = recent.list().empty();  // nobody has been here before
   if (!recent.list().empty()) {
-    choice.server = recent.list().front().server;
-    choice.key = recent.list().front().key;
+    const RecentServer& last = recent.list().front();
+    choice.server = last.server;
+    choice.key = last.key;
+    choice.identity = last.identity;
+    choice.server_key = last.server_key;
   }
-  if (!flags.server.empty()) choice.server = flags.server, choice.key = flags.key;
+  if (!flags.server.empty()) {
+    choice.server = flags.server;
+    choice.key = flags.key;
+    choice.identity = flags.identity;
+    choice.server_key = flags.server_key;
+  }
   if (!flags.device.empty()) choice.device = flags.device;
   choice.text_size = flags.text_size;
   viewer::StartFacts facts;
@@ -108,14 +122,17 @@ int start(const StartFlags& flags) {
   Question question;
   const auto list_seen = [&] {
     facts.seen.clear();
-    for (const RecentServer& one : recent.list()) facts.seen.push_back({one.server, one.key, one.scene});
+    for (const RecentServer& one : recent.list())
+      facts.seen.push_back({one.server, one.key, one.scene, one.identity, one.server_key});
   };
   list_seen();
   viewer::StartHooks hooks;
   hooks.look = [&](const view_model::StartChoice& now) { question.ask(now, facts); };
   hooks.each = [&](const view_model::StartChoice& now) {
     if (question.poll(facts)) {
-      recent.note({question.asked().server, question.asked().key, facts.plan ? facts.plan->scene : ""});
+      const view_model::StartChoice& asked = question.asked();
+      recent.note(
+          {asked.server, asked.key, facts.plan ? facts.plan->scene : "", asked.identity, asked.server_key});
       list_seen();
     }
     // What was said of another session is not said of this one.

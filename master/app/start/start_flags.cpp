@@ -12,6 +12,17 @@ CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
   command->add_option("--key", flags.key, "Key file of this station for that server")
       ->type_name("FILE")
       ->needs(server);
+  command
+      ->add_option(
+          "--identity", flags.identity,
+          "This station's own key pair (telenano-master enroll), instead of --key; with --server-key")
+      ->type_name("FILE")
+      ->needs(server);
+  command
+      ->add_option("--server-key", flags.server_key,
+                   "The server's public key, as telenano-nve keys identity prints it")
+      ->type_name("sha256:HEX")
+      ->needs(server);
   command->add_option("--device", flags.device, "Hand to begin with (default sim)")
       ->type_name("{sim,omega,hid,mouse}");
   command

@@ -12,6 +12,8 @@ namespace telenano::app {
 struct StartFlags {
   std::string server;
   std::string key;
+  std::string identity;
+  std::string server_key;
   std::string device;
   double text_size = 1;
 };

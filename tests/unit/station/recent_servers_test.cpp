@@ -39,6 +39,23 @@ TEST_F(RecentServersTest, TheNewestIsFirstAndEachIsThereOnce) {
   EXPECT_EQ(again.list()[1].key, "/keys/lab.key");
 }
 
+TEST_F(RecentServersTest, AKeyPairIsKeptWithAndWithoutAScene) {
+  RecentServers first(folder());
+  first.note({"a:1", "", "", "omega 1.id", "sha256:ab,sha256:cd"});
+  first.note({"b:2", "", "flakes", "x.id", "sha256:ef"});
+  first.note({"c:3", "c.key", "flat"});
+  const RecentServers again(folder());
+  ASSERT_EQ(again.list().size(), 3u);
+  EXPECT_EQ(again.list()[0].key, "c.key");
+  EXPECT_EQ(again.list()[0].identity + again.list()[0].server_key, "");
+  EXPECT_EQ(again.list()[1].scene, "flakes");
+  EXPECT_EQ(again.list()[1].identity, "x.id");
+  EXPECT_EQ(again.list()[1].server_key, "sha256:ef");
+  EXPECT_EQ(again.list()[2].key + again.list()[2].scene, "");
+  EXPECT_EQ(again.list()[2].identity, "omega 1.id");
+  EXPECT_EQ(again.list()[2].server_key, "sha256:ab,sha256:cd");
+}
+
 TEST_F(RecentServersTest, AFewAreKept) {
   RecentServers servers(folder());
   for (int i = 0; i < 20; ++i) servers.note({"host:" + std::to_string(i), ""});
@@ -52,6 +69,7 @@ TEST_F(RecentServersTest, NothingThatBreaksALineAndNoForeignFileDoesHarm) {
   servers.note({"a\tb:1", ""});
   servers.note({"a:1", "x\ny"});
   servers.note({"", ""});
+  servers.note({"a:1", "", "", "x\ty", "sha256:ab"});
   EXPECT_TRUE(servers.list().empty());
   RecentServers strange(folder());
   strange.note({"c:1", "", "a\nb"});

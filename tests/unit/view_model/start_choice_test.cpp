@@ -25,6 +25,25 @@ TEST(StartChoice, ArgumentsAreThoseThatAPersonWouldType) {
             (Words{"plan", "--server", "[::1]:5100", "--felt", "--method", "tank", "--key", "lab one.key"}));
 }
 
+TEST(StartChoice, AKeyPairOfItsOwnGoesIntoTheSessionAndIntoItsPlan) {
+  StartChoice choice;
+  choice.identity = "omega 1.id";
+  choice.server_key = "sha256:ab";
+  EXPECT_EQ(run_arguments(choice), (Words{"run", "--server", "127.0.0.1:5100", "--device", "sim", "--view",
+                                          "--identity", "omega 1.id", "--server-key", "sha256:ab"}));
+  EXPECT_EQ(plan_arguments(choice), (Words{"plan", "--server", "127.0.0.1:5100", "--felt", "--method", "auto",
+                                           "--identity", "omega 1.id", "--server-key", "sha256:ab"}));
+  EXPECT_EQ(choice_fault(choice), "");
+  choice.key = "lab.key";
+  EXPECT_NE(choice_fault(choice).find("clear one"), std::string::npos);
+  choice.key.clear();
+  choice.server_key.clear();
+  EXPECT_NE(choice_fault(choice).find("server's key too"), std::string::npos);
+  choice.identity.clear();
+  choice.server_key = "sha256:ab";
+  EXPECT_NE(choice_fault(choice).find("own key pair too"), std::string::npos);
+}
+
 // What is shown is what a shell makes the same words of: asked of the shell itself.
 TEST(StartChoice, AShellReadsTheLineAsTheseWords) {
   const Words words{"run", "[::1]:5100", "a b", "it's", "$HOME", "*", "", "a\"b\\c", "m\u00fc;rm"};

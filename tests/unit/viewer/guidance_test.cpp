@@ -434,6 +434,26 @@ TEST_F(StartScreenTest, WordsAreAsLargeAsAskedForAndNoneIsCut) {
   EXPECT_NEAR(tallest(0.75, 640, 480), 0.75 * first, 1);
 }
 
+// Which pair of keys will be used, and what the server must show: whole, in a window of the usual size.
+TEST_F(StartScreenTest, TheIdentityAndTheServersKeyAreInSight) {
+  StartScreen screen(1);
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  EXPECT_TRUE(says("Keyfile") && !says("Server'skey")) << drawn_text(glyphs());
+  choice_.identity = "omega-1.id";
+  choice_.server_key = "sha256:" + std::string(64, '7');
+  facts_.seen.front() = {"lab.example.org:5100", "", "flakes", "omega-1.id", choice_.server_key};
+  for (int i = 0; i < 4; ++i) draw(screen, 1280, 800);
+  EXPECT_EQ(overlaps(glyphs()), "");
+  const std::string text = drawn_text(glyphs());
+  EXPECT_TRUE(says("Identityomega-1.id") && says("Server'skey" + choice_.server_key)) << text;
+  EXPECT_TRUE(says("lab.example.org:5100identityomega-1.id")) << text;
+  EXPECT_FALSE(says("Keyfile")) << text;
+  EXPECT_EQ(view_model::choice_fault(choice_), "");
+  choice_.key = "lab.key";
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  EXPECT_TRUE(says("Keyfilelab.key") && says("clearone")) << drawn_text(glyphs());
+}
+
 TEST_F(StartScreenTest, EnterBeginsOnlyWhatCanBegin) {
   StartScreen screen(1);
   const auto enter = [&] {
