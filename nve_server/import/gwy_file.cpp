@@ -21,6 +21,10 @@ std::uint32_t uint32_of(std::string_view bytes) noexcept {
   return value;
 }
 
+std::int32_t int32_of(std::string_view bytes) noexcept {
+  return std::bit_cast<std::int32_t>(uint32_of(bytes));
+}
+
 double double_of(std::string_view bytes) noexcept {
   std::uint64_t value = 0;
   for (int i = 7; i >= 0; --i)
@@ -196,13 +200,13 @@ std::string unit_of(const Component& component, const std::string& of, std::stri
 }
 
 std::string field_of(const Object& object, const std::string& key, GwyField& field) {
-  std::optional<std::uint32_t> columns;
-  std::optional<std::uint32_t> rows;
+  std::optional<std::int32_t> columns;
+  std::optional<std::int32_t> rows;
   bool has_data = false;
   std::string unit_error;
   std::string error = for_each_component(object.data, key, [&](const Component& part) {
-    if (part.type == 'i' && part.name == "xres") columns = uint32_of(part.value);
-    if (part.type == 'i' && part.name == "yres") rows = uint32_of(part.value);
+    if (part.type == 'i' && part.name == "xres") columns = int32_of(part.value);
+    if (part.type == 'i' && part.name == "yres") rows = int32_of(part.value);
     if (part.type == 'd' && part.name == "xreal") field.width = double_of(part.value);
     if (part.type == 'd' && part.name == "yreal") field.height = double_of(part.value);
     if (part.type == 'D' && part.name == "data") {
@@ -220,14 +224,13 @@ std::string field_of(const Object& object, const std::string& key, GwyField& fie
   if (error.empty()) error = std::move(unit_error);
   if (!error.empty()) return error;
   if (!columns || !rows || !has_data) return key + " lacks xres, yres or data";
-  constexpr std::uint32_t kSideMax = 0x7fffffff;
-  if (*columns < 1 || *rows < 1 || *columns > kSideMax || *rows > kSideMax ||
-      std::uint64_t{*columns} * *rows != field.count()) {
+  if (*columns < 1 || *rows < 1 ||
+      std::int64_t{*columns} * *rows != static_cast<std::int64_t>(field.count())) {
     return key + " has " + std::to_string(field.count()) +
            " values, expected xres x yres = " + std::to_string(*columns) + " x " + std::to_string(*rows);
   }
-  field.columns = static_cast<int>(*columns);
-  field.rows = static_cast<int>(*rows);
+  field.columns = *columns;
+  field.rows = *rows;
   return {};
 }
 

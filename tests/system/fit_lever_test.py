@@ -94,6 +94,16 @@ class Lever(unittest.TestCase):
         path.write_text("time_s,deflection_v\n" + "".join("%.8f,%.7g\n" % (step * i, x / 35.0) for i, x in enumerate(series)))
         self.assertIn("--invols-nm-v", self.fit("--thermal", path, code=2))
 
+    def test_exchanged_columns(self):
+        with open(self.folder / "curve.csv", newline="") as made, open(self.folder / "exchanged.csv", "w") as out:
+            out.write("direction,z_nm,force_nn\n")
+            for row in csv.DictReader(made):
+                out.write("%s,%.6f,%.6f\n" % (row["direction"], K * float(row["deflection_nm"]), float(row["z_nm"])))
+        run = subprocess.run([nve, "fit", self.folder / "exchanged.csv", "--scene", "flat_polystyrene", "-o", self.folder / "no.toml"],
+                             capture_output=True, text=True, timeout=120)
+        self.assertIn("are the two columns exchanged? --z-column", run.stdout if run.returncode == 0 else run.stderr)
+        self.assertNotIn("exchanged", self.fit())
+
     def test_reference(self):
         # On a spring of 20 N/m the deflection is 20/(40 + 20) of the base's way.
         noise = random.Random(4)

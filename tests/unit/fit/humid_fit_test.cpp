@@ -197,6 +197,27 @@ TEST(HumidFit, ADryCurveShowsNoFilm) {
   EXPECT_FALSE(fit.estimates[2].low) << said(fit);
 }
 
+// Films of nearly the bridge's whole reach (1.5 of 1.555 nm): it forms with a step of 1 pm, some two of the noise's
+// standard deviations, that nobody can see. Humidity is still told by the way out; the film has no upper end, as
+// every film beyond the reach forms its bridge there.
+TEST(HumidFit, AFilmOfNearlyTheBridgesReachIsOpenUpwards) {
+  HumidSample sample;
+  sample.film_nm = 1.5;
+  sample.humidity = 0.5;
+  const CurveFit fit =
+      fit_of(humid_curve(sample, {.points = 800}, {.white_nm = 5e-4}, 21), humid_setup(sample));
+  ASSERT_EQ(fit.estimates.size(), 4u) << said(fit);
+  const Estimate& humidity = fit.estimates[2];
+  EXPECT_LE(humidity.low.value_or(0), 50) << said(fit);
+  EXPECT_GE(humidity.high.value_or(100), 50) << said(fit);
+  EXPECT_NEAR(humidity.value, 50, 0.1) << said(fit);
+  const Estimate& film = fit.estimates[3];
+  EXPECT_FALSE(film.high) << said(fit);
+  EXPECT_LE(film.low.value_or(0), sample.film_nm) << said(fit);
+  EXPECT_GT(film.low.value_or(0), 1) << said(fit);
+  EXPECT_NE(said(fit).find("film is open upwards"), std::string::npos) << said(fit);
+}
+
 /// With the noise of a microscope, a lever of 40 N/m.
 TEST(HumidFitCoverage, IntervalsHoldWhatTheyShould) {
   int draws = 3;

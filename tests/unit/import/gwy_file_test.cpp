@@ -167,7 +167,8 @@ TEST(GwyFile, EveryMistakeIsNamed) {
             "/0/data has 6 values, expected xres x yres = 4 x 2");
   wrong.columns = -3;
   wrong.rows = -2;  // whose product is right
-  EXPECT_NE(read_gwy(gwy::file(gwy::channel(0, "", wrong))).error, "");
+  EXPECT_EQ(read_gwy(gwy::file(gwy::channel(0, "", wrong))).error,
+            "/0/data has 6 values, expected xres x yres = -3 x -2");
   wrong = small();
   wrong.columns = 0x10000;
   wrong.rows = 0x10000;  // whose product is 0 in 32 bits
