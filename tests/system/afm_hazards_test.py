@@ -125,6 +125,47 @@ class Hazards(Base):
         self.assertEqual(self.latches(), [latch.name], "still nobody has looked")
         self.assertTrue(self.end_of(simulator)[0])
 
+    def test_a_latch_that_is_half_written_asks_for_an_operator(self):
+        """Cut off by a power failure: what is left of its id still says that the tip may be out; and what was begun beside it
+        is no latch."""
+        simulator = self.simulator()
+        latch = self.path / f"afm-127.0.0.1_{self.ports[3]}.out"
+        latch.write_text("0123")
+        latch.chmod(0o600)
+        (self.path / (latch.name + ".abcdef")).write_text("")
+        server = self.serving()
+        self.assertIn("did not end with the tip withdrawn", server.text)
+        time.sleep(0.5)
+        self.assertNotIn("approaching", server.text)
+        approved = subprocess.run([NVE, "afm", "approve", "--afm-state", self.path], capture_output=True, text=True, check=False)
+        self.assertEqual(approved.returncode, 0, approved.stderr)
+        self.assertTrue(server.says("surface found"), server.text)
+        self.assertRegex(latch.read_text(), "^[0-9a-f]{16}\n$", "written whole before anything moves")
+        server.stop()
+        self.assertEqual(self.latches(), [])
+        self.assertTrue(self.end_of(simulator)[0])
+
+    def test_an_approval_on_a_full_disk_is_none(self):
+        simulator = self.simulator()
+        latch = self.path / f"afm-127.0.0.1_{self.ports[3]}.out"
+        latch.write_text("0123456789abcdef\n")
+        latch.chmod(0o600)
+        server = self.serving()
+
+        def full():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+        approved = subprocess.run([NVE, "afm", "approve", "--afm-state", self.path], capture_output=True, text=True, check=False,
+                                  preexec_fn=full, restore_signals=False)
+        self.assertEqual(approved.returncode, 1, approved.stderr)
+        self.assertRegex(approved.stderr, "the approval .*cannot be written")
+        self.assertEqual(len(approved.stderr.strip().splitlines()), 1, approved.stderr)
+        time.sleep(1)
+        self.assertNotIn("approaching", server.text)
+        server.stop()
+        self.assertEqual(self.latches(), [latch.name])
+        self.assertTrue(self.end_of(simulator)[0])
+
     def test_a_latch_of_another_port_of_the_same_controller_counts(self):
         """Killed without a deadman, started again with one: the emergency port is another, the tip the same."""
         simulator = self.simulator()

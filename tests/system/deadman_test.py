@@ -331,6 +331,25 @@ class Together(Rig):
                 for latch in self.path.glob("*.out"):
                     latch.unlink()
 
+    def test_a_deadman_restarted_in_a_session_watches_again(self):
+        """Killed while the tip presses, and there again at once, as a service manager does it: the tip goes up, and comes back only
+        for the next operator, watched again."""
+        simulator = self.simulator()
+        watcher = self.deadman(silence_ms=PATIENT_MS)
+        server = self.server(flags=["--local-rights", "operate"])
+        self.pressed(server)
+        watcher.stop(signal.SIGKILL)
+        again = self.deadman(silence_ms=PATIENT_MS, port=self.port)
+        self.assertTrue(server.says("afm: withdrawn"), server.text)
+        self.assertTrue(again.says("watching over the server"), again.text)
+        approaches = server.text.count("afm: approaching")
+        time.sleep(1)
+        self.assertEqual(server.text.count("afm: approaching"), approaches, "nobody has asked for the tip")
+        self.kill_both(server)
+        self.assertTrue(again.says("the tip is withdrawn"), again.text)
+        again.stop()
+        self.assertIn("tip withdrawn", simulator.stop())
+
     def test_a_cut_cable(self):
         """Controller and deadman beyond a pair of virtual cables: cut, the tip goes up; joined again, it stays up."""
         name = f"tn{os.getpid() % 100000}"
