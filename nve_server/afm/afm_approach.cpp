@@ -352,6 +352,7 @@ void AfmLogic::begin_following(std::int64_t now_ns) {
   contact_stiffness_n_m_ = model_.stiffness_n_m();
   shifted_ns_ = now_ns;
   last_force_nn_ = 0;
+  high_readings_ = 0;
   ever_touched_ = true;
   was_touching_ = false;
   enter(Phase::kFollowing, now_ns);

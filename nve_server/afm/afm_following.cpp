@@ -75,11 +75,35 @@ bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_n
 namespace {
 
 constexpr int kLateralRepeats = 40;   // readings in a row
+constexpr int kHighReadings = 20;     // likewise
+constexpr double kZeroPart = 0.1;     // of the force limit
 constexpr double kShift_nm_s = 1;     // no hand feels that
 constexpr double kCurvedPart = 0.05;  // of the way to the force of a touch: contacts are no springs
 constexpr std::int64_t kAgainNs = 1'000'000'000;  // sooner a touch tells nothing new
 
 }  // namespace
+
+/// Where no ground can be, by what was touched and by the operator's word (`relief_nm`), and above where the tip
+/// came off, there is no force: what is read there as a pull is the zero that has moved since the tare, and
+/// any force is taken for smaller by as much. True where that is more than a tenth of the limit; the tip is
+/// then on its way up, and the next approach tares anew. What is read as a push errs on the safe side.
+bool AfmLogic::zero_moved(std::int64_t now_ns) {
+  const double free_nm = std::max(ground_nm_ + 0.9 * lift_nm_, clear_nm());
+  if (history_.between(reading_from_ns_, now_ns).low_w_nm.z() < free_nm) {
+    high_readings_ = 0;
+    return false;
+  }
+  if (high_readings_ == 0) high_sum_nn_ = 0;
+  high_sum_nn_ += state_.measured_force_w_nn.z();
+  if (++high_readings_ < kHighReadings) return false;
+  const double mean_nn = high_sum_nn_ / std::exchange(high_readings_, 0);
+  if (mean_nn > -std::max(kZeroPart * config_.force_max_nn, 0.5 * config_.touch_force_nn)) return false;
+  withdraw(Cause::kSignal, now_ns);
+  tell(text(
+      "withdrawing: the deflection's zero has moved since the tare: high above the sample it shows %.4g nN",
+      mean_nn));
+  return true;
+}
 
 /// The base where the force of a touch is passed, slowly, on the way down: there the ground is measured. W's
 /// zero then moves, slowly, to where it is now believed.
@@ -205,14 +229,15 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
                      config_.lateral_max_nn));
   }
   if (state_.phase == Phase::kTouching) return touch_reading(sent_ns, now_ns);
-  if (state_.phase != Phase::kFollowing) return;
+  if (state_.phase != Phase::kFollowing || zero_moved(now_ns)) return;
 
   const MotionHistory::Stretch averaged = history_.between(now_ns - period_ns, now_ns);
   state_.measured_base_w_nm = averaged.mean_w_nm;
   model_.add(averaged.mean_w_nm, force.z(), now_ns);
   state_.model = model_.model();
   state_.touching = model_.touching();
-  if (state_.touching)
+  // What pushes is ground; a pull in the air may be a zero that has moved.
+  if (state_.touching && force.z() > 0)
     ground_nm_ = std::max(ground_nm_, averaged.mean_w_nm.z() + force.z() / config_.spring_constant_n_m);
   retouch(averaged.mean_w_nm, force.z(), history_.between(now_ns - 2 * period_ns, now_ns).path_nm, now_ns);
   WorkAccount::Reading entry;

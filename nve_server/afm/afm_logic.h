@@ -143,6 +143,7 @@ class AfmLogic {
   void on_motion(const AfmReading& reading, std::int64_t now_ns);
   void on_reading(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns);
   bool plausible(double volts, double lateral_volts, std::int64_t from_ns, std::int64_t now_ns);
+  bool zero_moved(std::int64_t now_ns);
   void on_status(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns);
   void on_setpoint(const AfmReading& reading, std::int64_t now_ns);
   void on_height(double height, std::int64_t now_ns);
@@ -212,6 +213,9 @@ class AfmLogic {
   double tare_nm_ = 0, tare_nn_ = 0, tare_lateral_nn_ = 0;
   std::vector<double> free_volts_;  // of the deflection, in free space
   std::vector<double> free_lateral_v_;
+  // Readings in a row that were taken where no force can act, and their sum.
+  int high_readings_ = 0;
+  double high_sum_nn_ = 0;
   SignalWatch watch_;
   double contact_stiffness_n_m_ = 0;  // of the last touch; 0 until there was one in this approach
   bool ever_touched_ = false;

@@ -117,7 +117,7 @@ double SimController::sensed_nm(double bend_nm) const noexcept {
       return config_.deflection_nm_v * tip_.force_w_nn().x() / config_.lateral_nn_v -
              config_.deflection_offset_nm;
     default:
-      return bend_nm;
+      return photodiode_gain_ * bend_nm + photodiode_zero_nm_;
   }
 }
 

@@ -50,6 +50,11 @@ class SimController {
   void set_sensor_fault(SensorFault fault) noexcept;
   /// Somebody changes the calibration of the deflection: what it says in metres is so many times as much.
   void scale_calibration(double factor) noexcept { calibration_factor_ = factor; }
+  /// The laser weakens or wanders on the photodiode: of the bending so much is seen, from another zero.
+  void set_photodiode(double gain, double zero_nm) noexcept {
+    photodiode_gain_ = gain;
+    photodiode_zero_nm_ = zero_nm;
+  }
   void watch_by_safe_tip(int signal) noexcept { config_.safe_tip_signal = signal; }
   /// Its program ends and begins again: its settings are those of its start, the tip stays where it is.
   void restart() noexcept;
@@ -94,6 +99,7 @@ class SimController {
   double sum_s_ = 0, sum_deflection_ = 0, sum_lateral_ = 0;
   double value_deflection_m_ = 0, value_lateral_v_ = 0;
   double calibration_factor_ = 1;
+  double photodiode_gain_ = 1, photodiode_zero_nm_ = 0;
   SimConfig at_start_;
 };
 

@@ -146,7 +146,8 @@ checks() {
         /usr/share/telenano/afm.toml; printf '\n[deadman]\nkey = "server.key"\n'; } >/etc/telenano/afm.toml
 
     simulate "$1"
-    deadman run --config /run/deadman/deadman.toml 2>/out/deadman.log & watcher=$!
+    # Not by the function above: in the background that is a shell of its own, and a signal would end that alone.
+    /usr/bin/python3 -B "$here/../../deploy/afm/deadman.py" run --config /run/deadman/deadman.toml 2>/out/deadman.log & watcher=$!
     check "a deadman" says /out/deadman.log 'connected to the controller'
   }
   without_the_deadman() {

@@ -13,6 +13,7 @@
 #include "telenano/common/base/det_math.h"
 #include "tests/support/virtual_afm_slave.h"
 #include "tests/unit/afm/afm_bench.h"
+#include "tests/unit/afm/step_scene.h"
 
 namespace telenano::afm {
 namespace {
@@ -306,57 +307,6 @@ TEST(AfmHazards, WsZeroAndItsBoundOnRigsOfAnyDriftAndCreep) {
   EXPECT_GE(air_within, 0.95 * air_all);
 }
 
-/// Silicon oxide with a step up of `height_nm`, 60 nm from where the tip approaches, towards `direction_deg`.
-std::shared_ptr<const scene::Scene> with_a_step(double height_nm, int direction_deg = 0, double edge_nm = 6) {
-  const double x_nm = direction_deg == 0 ? -60 : direction_deg == 180 ? 60 : 0;
-  const double y_nm = direction_deg == 90 ? -60 : 0;
-  return scene::parse_scene(R"(name = "step"
-[sample]
-name = "silicon oxide"
-youngs_modulus_gpa = 70.0
-poisson_ratio = 0.27
-surface_energy_j_m2 = 0.2
-[surface]
-kind = "step"
-height_nm = )" + std::to_string(height_nm) +
-                                R"(
-edge_nm = )" + std::to_string(edge_nm) +
-                                R"(
-spacing_nm = )" + std::to_string(edge_nm / 8.5) +
-                                R"(
-direction_deg = )" + std::to_string(direction_deg) +
-                                R"(.0
-x_nm = 0.0
-y_nm = 0.0
-[probe]
-tip_radius_nm = 20.0
-stiffness_n_m = 40.0
-[probe.tip]
-name = "silicon"
-youngs_modulus_gpa = 160.0
-poisson_ratio = 0.27
-surface_energy_j_m2 = 0.2
-[coupling]
-stiffness_n_m = 20.0
-[limits]
-force_max_nn = 500.0
-speed_max_nm_s = 100000.0
-retract_speed_nm_s = 1000.0
-top_nm = 100.0
-depth_nm = 60.0
-half_width_nm = 150.0
-margin_nm = 25.0
-rate_max_hz = 8000
-[start]
-x_nm = )" + std::to_string(x_nm) +
-                                R"(
-y_nm = )" + std::to_string(y_nm) +
-                                R"(
-height_nm = 20.0
-)",
-                            "the scene of a step");
-}
-
 /// How steep the way of a ball's middle is where the ball meets the corner of a step.
 double steepness(double height_nm) {
   constexpr double r = 20;
@@ -514,6 +464,90 @@ TEST(AfmHazards, TheRuleAcrossHoldsWithEverySignTheOtherWay) {
     EXPECT_LE(ran.across_nn, b.config.lateral_max_nn);
     EXPECT_GT(ran.across_nn, 0.5 * b.config.lateral_max_nn) << "it was met";
     EXPECT_TRUE(ran.still_there) << b.afm->logic().news();
+  }
+}
+
+/// Down to `depth_nm`, and `high_nm` up in between if that is positive, while the photodiode's zero drifts.
+void press_while_the_zero_drifts(Bench& b, double nm_s, double high_nm, double duration_s) {
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+  b.follow(Vec3(0, 0, 5));
+  b.run(500);
+  b.afm->controller().tip().forget_peak();
+  const std::int64_t begin_ns = b.afm->now_ns();
+  const auto run = [&](int ms) {
+    for (int i = 0; i < ms; i += 10) {
+      b.afm->controller().set_photodiode(1, nm_s * 1e-9 * static_cast<double>(b.afm->now_ns() - begin_ns));
+      b.run(10);
+    }
+  };
+  while (1e-9 * static_cast<double>(b.afm->now_ns() - begin_ns) < duration_s &&
+         b.phase() == Phase::kFollowing) {
+    b.follow(Vec3(0, 0, -30));  // far more than the limit allows
+    run(4000);
+    if (high_nm > 0) b.follow(Vec3(0, 0, high_nm));
+    run(1000);
+  }
+}
+
+// A laser that wanders on the photodiode moves the deflection's zero: what reads as a pull makes the force look
+// smaller. High above the sample, where there is none, that is found at a tenth of the limit. In contact no
+// signal tells: the force goes beyond the limit by what the zero has moved since the tip was last up.
+TEST(AfmHazards, AZeroThatMovesIsFoundWhereverTheTipComesUp) {
+  constexpr double kDrift_nm_s = -0.04;
+  for (const double high_nm : {30.0, 0.0}) {
+    SCOPED_TRACE(high_nm);
+    Bench b;
+    press_while_the_zero_drifts(b, kDrift_nm_s, high_nm, 60);
+    const double k = b.config.spring_constant_n_m;
+    const double peak_nn = b.afm->controller().tip().peak_force_nn();
+    std::printf("zero at %g nm/s, %s: pressed with at most %.0f nN, %s\n", kDrift_nm_s,
+                high_nm > 0 ? "up each 5 s" : "never up", peak_nn, std::string(name(b.phase())).c_str());
+    if (high_nm > 0) {
+      EXPECT_EQ(name(b.afm->logic().state().cause), "signal not plausible") << b.afm->logic().news();
+      // A tenth of the limit, what moves in one more way down, and what the drift of the lever's own bending adds.
+      EXPECT_LE(peak_nn, 1.1 * b.config.force_max_nn - k * 6 * kDrift_nm_s + k * 2 * b.rig.thermal_nm + 5);
+      b.run(500);
+      EXPECT_TRUE(b.afm->controller().withdrawn());
+    } else {
+      EXPECT_LE(peak_nn, b.config.force_max_nn - k * 62 * kDrift_nm_s + k * 2 * b.rig.thermal_nm + 5);
+      EXPECT_GT(peak_nn, 1.1 * b.config.force_max_nn) << "so much is open";
+    }
+  }
+}
+
+// The other way the force looks larger: the tip is held back, and in the air it looks like a contact that does not
+// follow the motion.
+TEST(AfmHazards, AZeroThatMovesTheOtherWayErrsOnTheSafeSide) {
+  Bench b;
+  press_while_the_zero_drifts(b, 0.04, 30, 60);
+  b.run(500);
+  EXPECT_EQ(name(b.afm->logic().state().cause), "signal not plausible") << b.afm->logic().news();
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+  EXPECT_LE(b.afm->controller().tip().peak_force_nn(), b.config.force_max_nn + 5);
+}
+
+// A laser that weakens by so much, where the controller does not divide by the sum: all forces are read smaller
+// by as much, stiffness with them, and nothing tells. The limit holds what is read.
+TEST(AfmHazards, AWeakerLaserMakesTheLimitLargerByAsMuch) {
+  for (const double gain : {0.8, 0.5}) {
+    SCOPED_TRACE(gain);
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+    b.follow(Vec3(0, 0, 5));
+    b.run(500);
+    b.afm->controller().tip().forget_peak();
+    for (int i = 0; i < 3000; ++i) {
+      b.afm->controller().set_photodiode(1 - (1 - gain) * std::min(1.0, i / 2000.0), 0);
+      b.follow(Vec3(0, 0, -30));
+      b.run(10);
+    }
+    const double peak_nn = b.afm->controller().tip().peak_force_nn();
+    std::printf("laser at %g: pressed with at most %.0f nN, %s\n", gain, peak_nn,
+                std::string(name(b.phase())).c_str());
+    EXPECT_LE(peak_nn, b.config.force_max_nn / gain + 5 / gain);
+    EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
   }
 }
 
