@@ -75,14 +75,16 @@ class CheckpointQueue {
   /// With the state that was written into next_buffer(): note.size bytes. False: no room, nothing was said.
   bool post_state(CheckpointNote note) noexcept {
     note.buffer = buffer_;
-    if (!notes_.push(note)) return false;
+    if (!post(note)) return false;
     has_buffer_ = false;
     ++posted_;
-    bell_.ring();
     return true;
   }
   bool post(const CheckpointNote& note) noexcept {
+    const std::uint32_t lets_go = lets_go_with(note) ? 1 : 0;
+    letting_go_.fetch_add(lets_go, std::memory_order_relaxed);  // before what is said of it by any other way
     const bool posted = notes_.push(note);
+    if (!posted) letting_go_.fetch_sub(lets_go, std::memory_order_release);
     bell_.ring();
     return posted;
   }
@@ -95,18 +97,29 @@ class CheckpointQueue {
 
   // The keeper's end.
   bool fetch(CheckpointNote& note) noexcept { return notes_.pop(note); }
+  /// Does a note wait here, or is it not done() yet, by which somebody else may have a session? One that was
+  /// posted before something else that was heard since is counted.
+  bool lets_go() const noexcept { return letting_go_.load(std::memory_order_acquire) != 0; }
+  void done(const CheckpointNote& note) noexcept {
+    if (lets_go_with(note)) letting_go_.fetch_sub(1, std::memory_order_release);
+  }
   void give_back(std::uint32_t buffer) noexcept {
     free_.push(buffer);
     done_.fetch_add(1, std::memory_order_release);
   }
 
  private:
+  static constexpr bool lets_go_with(const CheckpointNote& note) noexcept {
+    return note.kind == CheckpointNote::Kind::kHandOut || note.kind == CheckpointNote::Kind::kGiveBack;
+  }
+
   std::size_t bytes_;
   Bell& bell_;
   rt::SpscQueue<CheckpointNote> notes_;
   rt::SpscQueue<std::uint32_t> free_;
   std::vector<std::unique_ptr<std::uint8_t[]>> buffers_;
   std::atomic<std::uint64_t> done_{0};
+  std::atomic<std::uint32_t> letting_go_{0};
   // The loop's own.
   std::uint64_t posted_ = 0;
   std::uint32_t buffer_ = 0;

@@ -1,5 +1,6 @@
 #include "telenano/nve_server/app/serve/checkpoint_keeper.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -30,6 +31,7 @@ constexpr link::SipKey kNameKey{0x746b6e616d65736f, 0x6e616e6f74656c65};
 const std::string kNobody = "0000000000000000";
 constexpr std::uint64_t kCleanEveryMs = 60'000;
 constexpr std::size_t kHashDigits = 16;
+constexpr std::chrono::seconds kTellEvery{1};
 
 std::string digits(std::uint64_t number) {
   char text[kHashDigits + 1];
@@ -170,21 +172,59 @@ void CheckpointKeeper::run() {
   for (;;) {
     const std::uint32_t seen = mail_.bell().rings();
     const bool last = done_.load(std::memory_order_acquire);
-    server::HandoffMessage question;
-    // Notes first: what a worker said before it asked is done then.
     for (const auto& queue : queues_) {
       server::CheckpointNote note;
-      while (queue->fetch(note)) on_note(*queue, note);
+      while (queue->fetch(note)) {
+        on_note(*queue, note);
+        queue->done(note);
+        answer_some();
+      }
     }
-    while (mail_.fetch(mail_.workers(), question)) answer(question);
+    answer_some();
+    tell_taken_up(last);
     if (last) return;
     try {
       if (now_ms() - cleaned_ms_ >= kCleanEveryMs) clean();
     } catch (const std::exception& error) {
       warn_once("clean", error.what());
     }
-    mail_.bell().wait_beyond(seen);
+    wait_beyond(seen);
   }
+}
+
+/// A question waits for no states of others, but for every note by which its worker, or one that it has heard of,
+/// let a session go: that may be the one that is asked for. A few at a time, so that states are written too.
+void CheckpointKeeper::answer_some() {
+  constexpr int kAtOnce = 8;
+  for (int i = 0; i < kAtOnce; ++i) {
+    server::HandoffMessage question;
+    if (!waiting_ && mail_.fetch(mail_.workers(), question)) waiting_ = question;
+    if (!waiting_ || std::any_of(queues_.begin(), queues_.end(), [](const auto& q) { return q->lets_go(); }))
+      return;
+    answer(*waiting_);
+    waiting_.reset();
+  }
+  mail_.bell().ring();  // there may be more
+}
+
+/// The first is told at once, of those that follow close behind a line a second.
+void CheckpointKeeper::tell_taken_up(bool now) {
+  if (taken_up_ == 0 || (!now && std::chrono::steady_clock::now() - told_at_ < kTellEvery)) return;
+  told_at_ = std::chrono::steady_clock::now();
+  const std::string age = std::to_string(oldest_ms_) + " ms old";
+  config_.info(taken_up_ == 1
+                   ? "took up a session of another server, " + age
+                   : "took up " + std::to_string(taken_up_) + " sessions of another server, at most " + age);
+  taken_up_ = 0;
+  oldest_ms_ = 0;
+}
+
+void CheckpointKeeper::wait_beyond(std::uint32_t seen) {
+  // A bell cannot be waited for with a limit; a line is due soon.
+  while (taken_up_ != 0 && mail_.bell().rings() == seen &&
+         std::chrono::steady_clock::now() - told_at_ < kTellEvery)
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  if (taken_up_ == 0) mail_.bell().wait_beyond(seen);
 }
 
 void CheckpointKeeper::on_note(server::CheckpointQueue& queue, const server::CheckpointNote& note) {
@@ -316,23 +356,30 @@ void CheckpointKeeper::answer(const server::HandoffMessage& question) {
   }
 }
 
+/// All files of a session, whoever has it. The folder holds those of many others: nothing is made of their names.
+std::vector<CheckpointKeeper::Found> CheckpointKeeper::files_of(const std::string& hash) const {
+  std::vector<Found> all;
+  const fs::path room = file_of(hash, "").parent_path();
+  const std::unique_ptr<DIR, int (*)(DIR*)> open(::opendir(room.c_str()), &::closedir);
+  if (!open) return all;
+  const std::string begin = hash + ".";
+  while (const dirent* const entry = ::readdir(open.get())) {
+    const std::string_view name = entry->d_name;
+    if (name.size() != 2 * kHashDigits + 1 || !name.starts_with(begin)) continue;
+    const std::string holder(name.substr(begin.size()));
+    if (is_holder(holder)) all.push_back({room / name, holder});
+  }
+  return all;
+}
+
 std::unique_ptr<server::SessionState> CheckpointKeeper::take_up(std::uint64_t token, std::uint64_t owner) {
   // Who drains is about to end: the session would move twice.
   if (config_.drain != nullptr && config_.drain->load(std::memory_order_relaxed)) return nullptr;
   const std::string hash = hash_of(token);
-  const fs::path room = file_of(hash, "").parent_path();
   std::error_code none;
   const auto own = held_.find(token);
-  if ((own != held_.end() && !own->second.lost) || !fs::is_directory(room, none) ||
-      fs::exists(file_of(hash, "ended"), none))
-    return nullptr;
-  std::vector<Found> all;
-  for (const auto& entry : fs::directory_iterator(room, none)) {
-    const std::string name = entry.path().filename().string();
-    if (name.size() != 2 * kHashDigits + 1 || !name.starts_with(hash + ".")) continue;
-    const std::string holder = name.substr(kHashDigits + 1);
-    if (is_holder(holder)) all.push_back({entry.path(), holder});
-  }
+  if ((own != held_.end() && !own->second.lost) || fs::exists(file_of(hash, "ended"), none)) return nullptr;
+  const std::vector<Found> all = files_of(hash);
   // All holders must be dead, and stay so: their locks are kept until the file has its new name.
   struct Locks {
     std::vector<int> fds;
@@ -385,7 +432,8 @@ std::unique_ptr<server::SessionState> CheckpointKeeper::take_up(std::uint64_t to
     if (&found != newest) ::unlink(found.path.c_str());
   held_[token] = {newest_envelope.number, true, false};
   state->record.checkpoints = newest_envelope.number;
-  config_.info("took up a session of another server, " + std::to_string(age_ms) + " ms old");
+  ++taken_up_;
+  oldest_ms_ = std::max(oldest_ms_, age_ms);
   return state;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -73,7 +74,11 @@ class CheckpointKeeper {
   };
   void run();
   void on_note(server::CheckpointQueue& queue, const server::CheckpointNote& note);
+  void answer_some();
   void answer(const server::HandoffMessage& question);
+  void tell_taken_up(bool now);
+  void wait_beyond(std::uint32_t seen);
+  std::vector<Found> files_of(const std::string& hash) const;
   std::unique_ptr<server::SessionState> take_up(std::uint64_t token, std::uint64_t owner);
   bool write(const server::CheckpointNote& note, std::span<const std::uint8_t> payload, Held& held);
   void lost(const server::CheckpointNote& note);
@@ -93,6 +98,11 @@ class CheckpointKeeper {
   std::map<std::uint64_t, Held> held_;  // by token
   std::set<std::string> warned_;
   std::uint64_t cleaned_ms_ = 0;
+  std::optional<server::HandoffMessage> waiting_;  // a question
+  // Not told yet, and when the last line of it was.
+  std::size_t taken_up_ = 0;
+  std::int64_t oldest_ms_ = 0;
+  std::chrono::steady_clock::time_point told_at_{};
   std::atomic<bool> done_{false};
   std::thread thread_;
 };

@@ -9,7 +9,9 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cinttypes>
 #include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -121,7 +123,10 @@ TEST(Checkpoint, WhatIsCutChangedOrOfSomethingElseIsNone) {
 struct Rig {
   explicit Rig(const std::string& folder, server::CheckpointOf of = kOf, std::int64_t resume_ms = 30'000)
       : keeper({folder, of, fresh, resume_ms, [this](const std::string& text) { said += text + "\n"; },
-                [](const std::string&) {}, &drain},
+                [this](const std::string& text) {
+                  if (told != nullptr) told->push_back(text);
+                },
+                &drain},
                mail),
         queue(keeper.add_queue()) {
     keeper.start();
@@ -160,6 +165,7 @@ struct Rig {
     }
   }
   std::string said;
+  std::vector<std::string>* told = nullptr;  // the keeper's thread writes it
   int taken = 0;
   std::atomic<bool> drain{false};
   server::WorkerMail mail{1, true};
@@ -422,6 +428,116 @@ TEST(Checkpoint, CarriesEveryNodeOfTheSurface) {
     b->tip.slave->step(input, 1e-3, b->tip.output);
   }
   EXPECT_EQ(unequal(), 0) << "where they have pressed since, too";
+}
+
+// After a kill all sessions of a server come at once: one line tells of the first, few of the rest, and they add up.
+TEST_F(CheckpointFolder, ManyAreTakenUpWithFewLines) {
+  constexpr std::uint64_t kMany = 40;
+  {
+    Rig first(folder);
+    for (std::uint64_t token = 1; token <= kMany; ++token)
+      first.keep(ploughed(token, 9, 1), 3, CheckpointNote::Kind::kHandOut);
+  }
+  std::vector<std::string> told;
+  double took_s = 0;
+  {
+    Rig rig(folder);
+    rig.told = &told;
+    const auto begin = std::chrono::steady_clock::now();
+    for (std::uint64_t token = 1; token <= kMany; ++token) ASSERT_TRUE(rig.ask(token, 9)) << token;
+    took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+  ASSERT_FALSE(told.empty());
+  EXPECT_TRUE(told.front().starts_with("took up a session of another server, ")) << told.front();
+  EXPECT_LE(static_cast<double>(told.size()), 3 + took_s);
+  std::uint64_t sum = 0;
+  for (const std::string& line : told) {
+    std::uint64_t count = 1;
+    std::sscanf(line.c_str(), "took up %" SCNu64 " sessions of another server, at most", &count);
+    sum += count;
+  }
+  EXPECT_EQ(sum, kMany) << "the last line too";
+}
+
+// Who asks for a session does not wait until all states of others are written; but what let a session go before is
+// done first, so that whoever has heard of it gets it.
+TEST_F(CheckpointFolder, AQuestionWaitsForNoStatesOfOthersAndForWhatLetItGo) {
+  keep_and_die(ploughed(5, 9, 20), 3);
+  const auto other = ploughed(6, 9, 1);
+  server::WorkerMail mail(1, true);
+  const auto written = [&] {
+    std::ptrdiff_t n = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      n += entry.is_regular_file() && entry.path().filename().string().size() == 33 ? 1 : 0;
+    return n;
+  };
+  std::ptrdiff_t written_then = -1;  // when the keeper makes a slave for what it takes up
+  const auto make_slave = [&] {
+    if (written_then < 0) written_then = written();
+    return fresh();
+  };
+  app::CheckpointKeeper keeper(
+      {folder, kOf, make_slave, 30'000, [](const std::string&) {}, [](const std::string&) {}}, mail);
+  written_then = -1;  // it has looked at one to begin with
+  server::CheckpointQueue& queue = keeper.add_queue();
+  const auto bytes = bytes_of(other);
+  const auto post = [&](std::uint64_t token, std::uint64_t number, CheckpointNote::Kind kind) {
+    const auto out = queue.next_buffer();
+    if (out.empty()) return false;
+    std::copy(bytes.begin(), bytes.end(), out.begin());
+    CheckpointNote note;
+    note.kind = kind;
+    note.size = bytes.size();
+    note.token = token;
+    note.owner = 9;
+    note.number = number;
+    return queue.post_state(note);
+  };
+  const auto ask = [&](std::uint64_t token) {
+    server::HandoffMessage question;
+    question.token = token;
+    question.owner = 9;
+    return mail.post(1, question);
+  };
+  const auto answer = [&] {
+    server::HandoffMessage message;
+    while (!mail.fetch(0, message)) std::this_thread::yield();
+    return std::unique_ptr<server::SessionState>(message.state);
+  };
+  // All before the keeper runs: many states, then the question.
+  int states = 0;
+  while (post(100 + static_cast<std::uint64_t>(states), 1, CheckpointNote::Kind::kState)) ++states;
+  ASSERT_GT(states, 2);
+  ASSERT_TRUE(ask(5));
+  EXPECT_FALSE(queue.lets_go());
+  keeper.start();
+  ASSERT_TRUE(answer());
+  EXPECT_EQ(written_then, 2) << "behind the first of " << states << " states, beside the session itself";
+  while (!queue.idle()) std::this_thread::yield();
+  EXPECT_EQ(written(), states + 1);
+  // Let go among other states, and asked for by who knows of it: there.
+  const auto own = ploughed(7, 9, 1);
+  const auto own_bytes = bytes_of(own);
+  for (std::uint64_t round = 1; round <= 20; ++round) {
+    ASSERT_TRUE(post(100, 1 + round, CheckpointNote::Kind::kState));
+    auto out = queue.next_buffer();
+    while (out.empty()) {
+      std::this_thread::yield();
+      out = queue.next_buffer();
+    }
+    std::copy(own_bytes.begin(), own_bytes.end(), out.begin());
+    CheckpointNote note;
+    note.kind = CheckpointNote::Kind::kHandOut;
+    note.size = own_bytes.size();
+    note.token = 7;
+    note.owner = 9;
+    note.number = 10 * round;
+    ASSERT_TRUE(queue.post_state(note));
+    ASSERT_TRUE(ask(7));
+    ASSERT_TRUE(answer()) << round;
+    while (!queue.idle()) std::this_thread::yield();
+  }
+  EXPECT_FALSE(queue.lets_go());
 }
 
 TEST_F(CheckpointFolder, MustBeThisUsersAlone) {
