@@ -290,7 +290,7 @@ TEST(AfmReturn, ATipThatAFaultHasWithdrawnComesBackWithoutAStep) {
 }
 
 // Another scale while the tip presses: more of the hand's motion, less, and what the station refuses. The tip stays
-// where it is, the sample feels no more than the limit, and the hand no step.
+// where it is, and the sample feels no more than the limit.
 TEST(AfmReturn, AnotherScaleInContactMovesNothing) {
   for (const double rtt_ms : {0.0, 60.0}) {
     for (const Method method : {Method::kModel, Method::kTank}) {
