@@ -48,9 +48,19 @@ std::optional<view_model::Note> NoteBox::draw(const Gui& gui) {
   if (focus_) ImGui::SetKeyboardFocusHere();
   focus_ = false;
   ImGui::SetNextItemWidth(-1);
+  // Letters come without Ctrl: one that is held by now, of the next key in a slow picture, is no reason to drop them.
+  ImGuiIO& io = ImGui::GetIO();
+  const bool ctrl = io.KeyCtrl;
+  const auto mods = io.KeyMods;
+  if (!io.InputQueueCharacters.empty()) {
+    io.KeyCtrl = false;
+    io.KeyMods &= ~ImGuiKeyModFlags_Ctrl;
+  }
   const bool done = ImGui::InputTextWithHint("##note", "what you saw", note_.text.data(), note_.text.size(),
                                              ImGuiInputTextFlags_EnterReturnsTrue) ||
                     ends;
+  io.KeyCtrl = ctrl;
+  io.KeyMods = mods;
   waits_ &= !ImGui::IsItemActive();
   ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kQuiet));
   ImGui::TextWrapped("Enter: into the recording. Empty: no note. Esc is STOP here too.");

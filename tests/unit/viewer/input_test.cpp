@@ -356,6 +356,19 @@ TEST_F(Render, WhatIsTypedBeforeTheNoteIsDrawnIsInIt) {
   ASSERT_TRUE(port_.notes.pop(note));
   EXPECT_STREQ(note.text.data(), "it held on");
   EXPECT_FALSE(viewer_->writes_note());
+  // And what comes before a Ctrl that is held when it is drawn.
+  open();
+  io->AddInputCharactersUTF8("it held on");
+  frame();
+  frame();
+  io->AddInputCharactersUTF8("; lets go");
+  io->KeysDown[GLFW_KEY_ENTER] = true;
+  io->KeyCtrl = true;
+  frame();
+  io->KeysDown[GLFW_KEY_ENTER] = false;
+  io->KeyCtrl = false;
+  ASSERT_TRUE(port_.notes.pop(note));
+  EXPECT_STREQ(note.text.data(), "it held on; lets go");
 }
 
 TEST_F(Render, TheSurfaceThatIsDrawnIsWhatSSaves) {
