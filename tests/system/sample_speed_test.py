@@ -50,17 +50,18 @@ class Speed(unittest.TestCase):
         cls.addClassCleanup(shutil.rmtree, cls.folder)
 
     def seconds(self, *command):
-        began = time.monotonic()
+        """Of processor time, which other load does not stretch; of the clock; and what it said."""
+        before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
         run = subprocess.run([nve, *map(str, command)], capture_output=True, text=True)
-        took = time.monotonic() - began
+        after, took = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic() - began
         self.assertEqual(run.returncode, 0, run.stderr)
-        return took, run.stdout
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, took, run.stdout
 
     def test_import(self):
         gwy(self.folder / "scan.gwy", 1024)
-        took = min(self.seconds("import", self.folder / "scan.gwy", "-o", self.folder / f"scene{i}", "--tip-radius-nm", 10)[0] for i in range(3))
-        print(f"import of a 1024 x 1024 .gwy: {took:.2f} s (asked: 2)")
-        self.assertLessEqual(took, 2)
+        cpu, took, _ = min(self.seconds("import", self.folder / "scan.gwy", "-o", self.folder / f"scene{i}", "--tip-radius-nm", 10) for i in range(3))
+        print(f"import of a 1024 x 1024 .gwy: {cpu:.2f} s of processor time, {took:.2f} s (asked: 2)")
+        self.assertLessEqual(cpu, 2)
 
     def test_fit(self):
         made = subprocess.run([nve, "curve", "--scene", "flat_polystyrene", "--from-nm", "85", "--to-nm", "-15", "--step-nm", "0.05"],
@@ -81,16 +82,13 @@ class Speed(unittest.TestCase):
         def fit(*more):
             return self.seconds("fit", *more, "--scene", "flat_polystyrene", "-o", self.folder / "fitted.toml", "--force")
 
-        one = min(fit(curves[0], "--threads", 1)[0] for _ in range(3))
-        print(f"fit of a curve of {len(rows)} points: {one:.2f} s (asked: 3)")
-        self.assertLessEqual(one, 3)
+        cpu, took, _ = min(fit(curves[0], "--threads", 1) for _ in range(3))
+        print(f"fit of a curve of {len(rows)} points: {cpu:.2f} s of processor time, {took:.2f} s (asked: 3)")
+        self.assertLessEqual(cpu, 3)
         results = []
         for threads in (2, 1):
             folder = self.folder / f"map{threads}"
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            took, said = fit(*curves, "--threads", threads, "--map", folder, "--map-grid", "50x20", "--map-size-nm", "500x200")
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            cpu, took, said = fit(*curves, "--threads", threads, "--map", folder, "--map-grid", "50x20", "--map-size-nm", "500x200")
             print(f"1000 such curves, {threads} thread(s): {cpu / 60:.1f} min of processor time, {took / 60:.1f} min (asked: 20)")
             self.assertLessEqual(cpu / 60, 20)
             results.append([(folder / name).read_bytes() for name in ("E.gsf", "w.gsf")])
