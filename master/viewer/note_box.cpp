@@ -1,8 +1,5 @@
 #include "telenano/master/viewer/note_box.h"
 
-#define GLFW_INCLUDE_NONE
-#include <GLFW/glfw3.h>
-
 #include <algorithm>
 
 namespace telenano::viewer {
@@ -23,7 +20,7 @@ void NoteBox::keep_what_is_early() {
   auto& letters = ImGui::GetIO().InputQueueCharacters;
   if (waits_) {
     if (!focus_) early_.insert(early_.end(), letters.begin(), letters.end());
-    entered_ |= !focus_ && ImGui::IsKeyPressed(GLFW_KEY_ENTER, false);
+    entered_ |= !focus_ && ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter), false);
     letters.resize(0);
     return;
   }

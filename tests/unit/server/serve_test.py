@@ -13,9 +13,20 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "link"))
-from decode_golden import FIELDS, FORMAT, TYPES, WIRE, decode  # noqa: E402
+import decode_golden  # noqa: E402
+from decode_golden import FORMAT, WIRE  # noqa: E402
 
-NUMBER = {name: number for number, name in TYPES.items()}
+PROTOCOL = pathlib.Path(__file__).resolve().parents[3] / "proto" / "PROTOCOL.md"
+DOCUMENT = decode_golden.document_fields(PROTOCOL.read_text(encoding="utf-8"))
+NUMBER = {message.lower(): number for number, (message, _) in DOCUMENT.items()}
+FIELDS = {message.lower(): fields for message, fields in DOCUMENT.values()}
+
+
+def decode(datagram):
+    """The message and its values by field number; padding is none."""
+    message, values = decode_golden.decode(datagram, DOCUMENT)
+    numbers = {name: number for number, (name, _) in FIELDS[message.lower()].items()}
+    return message.lower(), {numbers[name]: value for name, value in values.items() if name != "padding"}
 
 
 def tag(number, wire):
@@ -26,7 +37,7 @@ def tag(number, wire):
 def encode(name, values):
     payload = b""
     for number, value in values.items():
-        kind = FIELDS[name][number - 1]
+        _, kind = FIELDS[name][number]
         payload += tag(number, WIRE[kind]) + struct.pack(FORMAT[kind], value)
     if name == "hello":
         zeros = 504 - len(payload) - 3
