@@ -7,7 +7,8 @@
 namespace telenano::twin {
 namespace {
 
-void fill(const slave::SlaveOutput& output, control::LocalAnswer& answer) noexcept {
+void fill(const slave::NveSlave& slave, const slave::SlaveOutput& output,
+          control::LocalAnswer& answer) noexcept {
   answer.force_w_nn = output.force_w_nn;
   answer.tip_pos_w_nm = output.tip_pos_w_nm;
   answer.commanded_pos_w_nm = output.commanded_pos_w_nm;
@@ -16,6 +17,9 @@ void fill(const slave::SlaveOutput& output, control::LocalAnswer& answer) noexce
   answer.fault_bits = output.fault_bits;
   answer.energy_in_aj = output.energy_in_aj;
   answer.energy_out_aj = output.energy_out_aj;
+  answer.stored_aj = slave.stored_aj();
+  answer.contact_radius_nm = slave.contact_radius_nm();
+  answer.adhesion_nn = slave.adhesion_nn();
 }
 
 }  // namespace
@@ -29,10 +33,7 @@ void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answe
   const bool was_up = (output_.fault_bits & link::kFaultRetracted) != 0;
   slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, step.operates, was_up),
               step.dt_s, output_);
-  fill(output_, answer);
-  answer.stored_aj = slave_.stored_aj();
-  answer.contact_radius_nm = slave_.contact_radius_nm();
-  answer.adhesion_nn = slave_.adhesion_nn();
+  fill(slave_, output_, answer);
 }
 
 void SceneTwin::reset() noexcept {
@@ -43,8 +44,7 @@ void SceneTwin::reset() noexcept {
 bool SceneTwin::load(std::span<const std::uint8_t> bytes, control::LocalAnswer& answer) noexcept {
   const bool loaded = slave_.load(bytes);
   slave_.say_again(output_);
-  fill(output_, answer);
-  answer.stored_aj = slave_.stored_aj();
+  fill(slave_, output_, answer);
   return loaded;
 }
 

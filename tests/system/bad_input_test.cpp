@@ -127,6 +127,7 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
       {"duration negative", with(run, {"--duration-s", "-1"}), {"--duration-s", "-1", "3600"}},
       {"duration nan", with(run, {"--duration-s", "nan"}), {"--duration-s"}},
       {"depth inf", with(run, {"--depth-nm", "inf"}), {"--depth-nm", "1000"}},
+      {"undo nan", with(run, {"--undo-marks-at", "nan"}), {"--undo-marks-at", "finite"}},
       {"give up nan", with(run, {"--give-up-s", "nan"}), {"--give-up-s"}},
       {"force scale nan", with(run, {"--force-scale", "nan"}), {"scaling.force", "1 to 1e"}},
       {"velocity scale 0", with(run, {"--velocity-scale", "0"}), {"scaling.velocity", "1e-12 to 1"}},

@@ -58,7 +58,6 @@ namespace {
 constexpr double kProbeS = 0.02;
 constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
-// A loop that has not come back so long after a stop is left behind.
 // Steps that are kept until the server has made them; twice what is felt without its word.
 constexpr double kTwinRingS = 4;
 // Of the state of a shared tip that another holds: how soon its marks are seen.
@@ -87,6 +86,7 @@ void require_numbers(const RunOptions& options) {
   require("--duration-s", options.duration_s.value_or(0));
   require("--depth-nm", options.depth_nm.value_or(0));
   require("--compand", options.compand.value_or(1));
+  require("--undo-marks-at", options.undo_marks_at_s.value_or(0));
   require("--connect-timeout-s", options.connect_timeout_s);
   require("--give-up-s", options.give_up_s);
 }
