@@ -25,6 +25,7 @@
 #include "telenano/nve_server/app/sample/fit_map.h"
 #include "telenano/nve_server/app/sample/fit_options.h"
 #include "telenano/nve_server/app/sample/fit_report.h"
+#include "telenano/nve_server/app/sample/user_files.h"
 #include "telenano/nve_server/app/scene/scene_loading.h"
 #include "telenano/nve_server/fit/column_check.h"
 #include "telenano/nve_server/scene/scene.h"

@@ -1,29 +1,13 @@
 #include "telenano/nve_server/app/sample/fit_files.h"
 
-#include <fcntl.h>
-#include <stdio.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <sstream>
 #include <system_error>
 
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/app/sample/user_files.h"
 
 namespace telenano::app {
-namespace {
-
-constexpr std::size_t kFileBytesMax = std::size_t{1} << 28;
-
-[[noreturn]] void cannot_write(const std::string& path) {
-  throw RunError(path + ": cannot be written: " + std::strerror(errno));
-}
-
-}  // namespace
 
 std::string number_text(double value, int digits) {
   std::ostringstream text;
@@ -33,35 +17,7 @@ std::string number_text(double value, int digits) {
 }
 
 std::string read_curve_bytes(const std::string& path) {
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found)
-    throw UserError(path + ": there is no such file");
-  if (status.type() != std::filesystem::file_type::regular)
-    throw UserError(path + ": is no regular file, expected a force curve");
-  const auto size = std::filesystem::file_size(path, error);
-  if (!error && size > kFileBytesMax)
-    throw UserError(path + ": has " + std::to_string(size) + " bytes, expected at most 256 MiB");
-  std::ifstream file(path, std::ios::binary);
-  if (error || !file) throw UserError(path + ": cannot be read: " + std::strerror(errno));
-  std::string bytes(static_cast<std::size_t>(size), '\0');
-  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(file.gcount()));
-  return bytes;
-}
-
-void write_text(const std::string& path, const std::string& text) {
-  const std::string beside = path + ".part";
-  std::FILE* file = std::fopen(beside.c_str(), "we");
-  if (file == nullptr) cannot_write(path);
-  bool good = std::fwrite(text.data(), 1, text.size(), file) == text.size() && std::fflush(file) == 0 &&
-              ::fsync(::fileno(file)) == 0;
-  good = std::fclose(file) == 0 && good;
-  if (good && ::rename(beside.c_str(), path.c_str()) == 0) return;
-  const int why = errno;
-  ::unlink(beside.c_str());
-  errno = why;
-  cannot_write(path);
+  return read_user_file(path, "a force curve", 256);
 }
 
 void check_target(const std::string& path, const char* flag, const FitOptions& options) {

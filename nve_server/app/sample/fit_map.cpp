@@ -10,6 +10,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/app/sample/fit_files.h"
 #include "telenano/nve_server/app/sample/fit_lever.h"
+#include "telenano/nve_server/app/sample/user_files.h"
 
 namespace telenano::app {
 namespace {

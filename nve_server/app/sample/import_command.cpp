@@ -1,18 +1,12 @@
 #include "telenano/nve_server/app/sample/import_command.h"
 
-#include <fcntl.h>
-#include <stdio.h>
-#include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -23,6 +17,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/app/sample/gwyddion_convert.h"
+#include "telenano/nve_server/app/sample/user_files.h"
 #include "telenano/nve_server/import/clean_scan.h"
 #include "telenano/nve_server/import/gwy_file.h"
 #include "telenano/nve_server/import/imported_scene.h"
@@ -32,7 +27,6 @@
 namespace telenano::app {
 namespace {
 
-constexpr std::size_t kFileBytesMax = std::size_t{1} << 30;
 constexpr int kSideMin = 2;  // as a .gsf that a scene reads
 constexpr int kSideMax = 8192;
 constexpr double kExtentMin_m = 1e-10;
@@ -70,28 +64,8 @@ struct Source {
   bool converted = false;
 };
 
-std::string read_bytes(const std::string& path) {
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found)
-    throw UserError(path + ": there is no such file");
-  if (status.type() == std::filesystem::file_type::directory)
-    throw UserError(path + ": is a folder, expected a scan");
-  if (status.type() != std::filesystem::file_type::regular)
-    throw UserError(path + ": is no regular file, expected a scan");
-  const auto size = std::filesystem::file_size(path, error);
-  if (!error && size > kFileBytesMax)
-    throw UserError(path + ": has " + std::to_string(size) + " bytes, expected at most 1 GiB");
-  std::ifstream file(path, std::ios::binary);
-  if (error || !file) throw UserError(path + ": cannot be read: " + std::strerror(errno));
-  std::string bytes(static_cast<std::size_t>(size), '\0');
-  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(file.gcount()));
-  return bytes;
-}
-
 void read_source(const std::string& path, Source& source) {
-  source.bytes = read_bytes(path);
+  source.bytes = read_user_file(path, "a scan", 1024);
   if (source.bytes.empty()) throw UserError(path + ": is empty, expected a scan");
   if (source.bytes.starts_with("Gwyddion Simple Field")) {
     source.gsf = surface::parse_gsf(source.bytes, path);
@@ -352,25 +326,6 @@ account.add("such a tip", words("measures the scan to ", erosion.misfit_rms_nm, 
 scan.grid.z_nm = erosion.z_nm;
 return erosion;
 }  // namespace
-
-[[noreturn]] void cannot_write(const std::string& path) {
-  throw RunError(path + ": cannot be written: " + std::strerror(errno));
-}
-
-/// The old file or the new one whole, as write_gsf does it.
-void write_text(const std::string& path, const std::string& text) {
-  const std::string beside = path + ".part";
-  std::FILE* file = std::fopen(beside.c_str(), "we");
-  if (file == nullptr) cannot_write(path);
-  bool good = std::fwrite(text.data(), 1, text.size(), file) == text.size() && std::fflush(file) == 0 &&
-              ::fsync(::fileno(file)) == 0;
-  good = std::fclose(file) == 0 && good;
-  if (good && ::rename(beside.c_str(), path.c_str()) == 0) return;
-  const int why = errno;
-  ::unlink(beside.c_str());
-  errno = why;
-  cannot_write(path);
-}
 
 struct Targets {
   std::filesystem::path folder;
