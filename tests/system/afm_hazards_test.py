@@ -17,6 +17,7 @@ import urllib.request
 sys.path[:0] = [str(pathlib.Path(__file__).parent)]
 import deadman_test  # noqa: E402
 import nanonis  # noqa: E402
+import side_by_side  # noqa: E402
 from deadman_test import LONG_S, MASTER, NVE  # noqa: E402
 
 LIMIT_NN = 300
@@ -306,4 +307,4 @@ class Hazards(Base):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)
+    sys.exit(side_by_side.main(4, at_once=2))  # each case waits for most of its time

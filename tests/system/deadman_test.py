@@ -23,6 +23,7 @@ sys.path[:0] = [str(SOURCE / "deploy/afm"), str(SOURCE / "tests/second_implement
 sys.dont_write_bytecode = True
 import deadman  # noqa: E402
 import nanonis  # noqa: E402
+import side_by_side  # noqa: E402
 
 LONG_S = 60
 PATIENT_MS = 900  # the longest that a deadman may wait, where its time is not what is tested
@@ -642,4 +643,4 @@ class Heartbeats(Rig):
 
 if __name__ == "__main__":
     STAND_STILLS.start()
-    unittest.main(argv=[sys.argv[0]] + sys.argv[5:], warnings="ignore")  # sockets that a refusal has closed
+    sys.exit(side_by_side.main(4, at_once=4))  # each case waits for most of its time: for an approach, a touch, a silence

@@ -15,6 +15,8 @@ import unittest
 import urllib.error
 import urllib.request
 
+import side_by_side
+
 NVE, MASTER, AFM_SIM = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:4])
 LONG_S = 20
 ENGAGED = 2  # of a recording's station_mode
@@ -271,4 +273,4 @@ class Drain(HealthTest):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[4:], verbosity=2)
+    sys.exit(side_by_side.main(3, at_once=2))  # each case waits for most of its time

@@ -467,6 +467,10 @@ std::string ProfileOptions::text() const {
   return text + fmt::format(" rtt-ms={}:{} loss={}:{}", rtt_ms.low, rtt_ms.high, loss.low, loss.high);
 }
 
+bool is_sample(std::string_view profile_text) noexcept {
+  return profile_text.find("profile=sample-") != std::string_view::npos;
+}
+
 std::vector<RunSpec> make_profile(const ProfileOptions& options) {
   if (options.sample > 0) return make_sample(options);
   Grid grid(options);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tests/studies/stress/run_spec.h"
@@ -28,6 +29,9 @@ struct ProfileOptions {
   /// One line: what a table must have been made with so that rows may be added to it.
   std::string text() const;
 };
+
+/// Whether a table with this line (`ProfileOptions::text`) holds independent draws, so that its rates are rates.
+bool is_sample(std::string_view profile_text) noexcept;
 
 /// Throws UserError where nothing is left.
 std::vector<RunSpec> make_profile(const ProfileOptions& options);

@@ -19,7 +19,7 @@ struct Count {
 
 }  // namespace
 
-std::string sampled_bounds_csv(const std::vector<Row>& rows) {
+std::vector<SampledRate> sampled_rates(const std::vector<Row>& rows) {
   std::map<std::tuple<std::size_t, std::string, std::string>, Count> counts;
   for (const Row& row : rows) {
     const RunSpec& s = row.spec;
@@ -42,14 +42,20 @@ std::string sampled_bounds_csv(const std::vector<Row>& rows) {
     count("round-trip", s.rtt_ms < 20 ? "below 20 ms" : s.rtt_ms < 200 ? "20 to 200 ms" : "200 ms and more");
     count("device-damping", s.damping_n_s_m < 1 ? "below 1 N s/m" : "1 N s/m and more");
   }
-  std::string csv = "method,feature,value,runs,broken_promises,rate_low_95,rate_high_95\n";
+  std::vector<SampledRate> rates;
   for (const auto& [key, c] : counts) {
     const auto& [method, feature, value] = key;
-    csv += fmt::format("{},{},{},{},{},{:.3g},{:.3g}\n",
-                       control::method_name(static_cast<control::Method>(method)), feature, value, c.runs,
-                       c.broken, binomial_lower(c.broken, c.runs, kEachSide),
-                       binomial_upper(c.broken, c.runs, kEachSide));
+    rates.push_back({static_cast<control::Method>(method), feature, value, c.runs, c.broken,
+                     binomial_lower(c.broken, c.runs, kEachSide), binomial_upper(c.broken, c.runs, kEachSide)});
   }
+  return rates;
+}
+
+std::string sampled_bounds_csv(const std::vector<Row>& rows) {
+  std::string csv = "method,feature,value,runs,broken_promises,rate_low_95,rate_high_95\n";
+  for (const SampledRate& r : sampled_rates(rows))
+    csv += fmt::format("{},{},{},{},{},{:.3g},{:.3g}\n", control::method_name(r.method), r.feature, r.value,
+                       r.runs, r.broken, r.low, r.high);
   return csv;
 }
 

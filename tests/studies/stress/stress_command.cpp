@@ -111,18 +111,20 @@ SweepOptions sweep_options(const Arguments& a) {
 /// On standard output what was found, for people who want one line; the table has the rest.
 int conclude(const std::filesystem::path& folder, const std::vector<Row>& rows, const Arguments& a) {
   std::fputs(summary_csv(rows).c_str(), stdout);
-  if (a.sample > 0) {
+  const Manifest manifest = read_manifest(folder);
+  const bool sample = is_sample(manifest.text);
+  if (sample) {
     std::ofstream out(folder / "bounds.csv");
     out << sampled_bounds_csv(rows);
     if (!out.flush()) throw RunError((folder / "bounds.csv").string() + ": cannot be written");
     std::fprintf(stderr, "stress: %s\n", (folder / "bounds.csv").c_str());
   }
   if (!a.no_report) {
-    const Manifest manifest = read_manifest(folder);
     ReportOptions options;
     options.folder = folder;
     options.scenes = a.scene_folder;
     options.manifest = manifest.text;
+    options.sample = sample;
     write_report(options, rows);
     std::fprintf(stderr, "stress: %s\n", (folder / "report" / "index.html").c_str());
     if (!a.results.empty()) {

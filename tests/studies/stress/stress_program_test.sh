@@ -54,6 +54,16 @@ grep -q "were there already" resumed.txt || fail "did not go on from where it wa
 "$lab" stress --merge shards --no-report >/dev/null
 cmp one/runs.csv shards/runs.csv || fail "shards give another table"
 
+echo "== a sample: its rates in bounds.csv and on the page, also where it was made in shards"
+drawn=(--sample 40 --methods tank,ks-clamp --scenes wall --rtt-ms 0:50 --seed 3)
+"$lab" stress "${drawn[@]}" --out drawn >/dev/null
+grep -q '^tank,,,' drawn/bounds.csv || fail "no rate of a method over all"
+grep -q '<h2>Rates</h2>' drawn/report/index.html || fail "the page of a sample has no rates"
+grep -q '<h2>Rates</h2>' whole/report/index.html && fail "a grid has no rates"
+for i in 0 1; do "$lab" stress "${drawn[@]}" --out drawn-shards --shard $i/2 --no-report; done
+"$lab" stress --merge drawn-shards --no-report >/dev/null
+cmp drawn/bounds.csv drawn-shards/bounds.csv || fail "shards give other rates"
+
 echo "== bad input"
 before=$(cat one/runs.csv one/shards/* | cksum)
 refuses 2 "another sweep" "$lab" stress "${part[@]}" --seed 8 --out one

@@ -7,12 +7,14 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include "tests/studies/report/page.h"
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/report_figures.h"
 #include "tests/studies/stress/results.h"
+#include "tests/studies/stress/sampled_bounds.h"
 #include "tests/studies/stress/summary.h"
 #include "tests/studies/stress/sweep.h"
 
@@ -94,6 +96,36 @@ std::string worst_table(const std::vector<Row>& rows, const std::vector<MethodSu
   }
   return table("<th>method</th><th>extracted</th><th>margin</th><th>violated</th><th>runs again with</th>",
                body);
+}
+
+/// A row for each feature and value, a column for each method: the upper bound of the rate, runs in the title.
+std::string rate_table(const std::vector<Row>& rows) {
+  std::vector<control::Method> methods;
+  std::map<std::pair<std::string, std::string>, std::map<control::Method, SampledRate>> by_value;
+  for (const SampledRate& r : sampled_rates(rows)) {
+    if (std::find(methods.begin(), methods.end(), r.method) == methods.end()) methods.push_back(r.method);
+    by_value[{r.feature, r.value}][r.method] = r;
+  }
+  std::string head = "<th>runs with</th>", body;
+  for (const control::Method method : methods)
+    head += fmt::format("<th>{}</th>", control::method_name(method));
+  for (const auto& [key, of] : by_value) {
+    const auto& [feature, value] = key;
+    body += fmt::format("<tr><th>{}</th>", feature.empty() ? std::string("all") : feature + ": " + value);
+    for (const control::Method method : methods) {
+      const auto found = of.find(method);
+      if (found == of.end()) {
+        body += "<td>–</td>";
+        continue;
+      }
+      const SampledRate& r = found->second;
+      body += r.broken == 0 ? fmt::format("<td>0 of {}: below {:.2g} %</td>", r.runs, 100 * r.high)
+                            : fmt::format("<td><b>{} of {}: {:.2g} to {:.2g} %</b></td>", r.broken, r.runs,
+                                          100 * r.low, 100 * r.high);
+    }
+    body += "</tr>\n";
+  }
+  return table(head, body);
 }
 
 std::string mutant_table(const std::vector<Hunt>& hunts) {
@@ -180,10 +212,17 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
       "slave's account (which has tests of its own); <code>ks-clamp</code> pays for every "
       "force from the hand's port and "
       "is allowed none of it. The rate is the upper bound of Clopper and Pearson: what so many independent "
-      "runs would show at 95 %. The runs of a profile are a grid, chosen and not drawn, so it says how many "
-      "they are, "
-      "and is no bound of a "
-      "probability.</p>\n";
+      "runs would show at 95 %. ";
+  html += options.sample
+              ? "These runs are independent draws, so it is a bound of a probability, for such draws.</p>\n"
+              : "The runs of a profile are a grid, chosen and not drawn, so it says how many they are, and is "
+                "no bound of a probability; <code>--sample</code> draws.</p>\n";
+  if (options.sample)
+    html +=
+        "<h2>Rates</h2>\n<p>Runs that broke a promise, over all and in each kind of run, with the bounds of "
+        "the rate at 95 % (Clopper and Pearson, 2.5 % on each side). Each cell is right by itself: of twenty "
+        "cells one may be off. The same numbers are in bounds.csv.</p>\n" +
+        rate_table(rows);
   html += figure_html(survival_figure(rows, folder));
   html += figure_html(round_trip_figure(rows, folder));
   html += figure_html(error_figure(rows, scenes, folder));

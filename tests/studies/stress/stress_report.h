@@ -12,6 +12,7 @@ struct ReportOptions {
   std::filesystem::path folder;  ///< of the sweep: the report goes into folder/report
   std::filesystem::path scenes;
   std::string manifest;
+  bool sample = false;  ///< the runs are independent draws: the page has the rate of each method and feature
 };
 
 /// The command that runs it again.

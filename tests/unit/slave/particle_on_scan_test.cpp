@@ -10,11 +10,12 @@
 #include <vector>
 
 #include "telenano/nve_server/slave/nve_slave.h"
+#include "tests/support/slave_walk.h"
 
 namespace telenano::slave {
 namespace {
 
-constexpr double kDt_s = 1e-3;
+constexpr double kDt_s = SlaveWalk::kDt_s;
 
 // A sinusoid of 1 nm, 57 × 57 heights; the ball is held by friction on a crest, at half a period.
 const std::string kGround = R"(name = "ball on waves"
@@ -77,35 +78,6 @@ std::shared_ptr<const scene::Scene> changed(const std::function<void(scene::Part
   return scene;
 }
 
-/// 1 kHz, in straight lines.
-class Walk {
- public:
-  explicit Walk(std::shared_ptr<const scene::Scene> scene)
-      : slave_(std::move(scene)), at_(slave_.limits().start_pos_w_nm) {}
-
-  using EachStep = std::function<void(const SlaveOutput&)>;
-  SlaveOutput to(const Vec3& target, double nm_a_step, const EachStep& each = {}) {
-    const Vec3 from = at_;
-    const int steps = std::max(1, static_cast<int>(std::ceil((target - from).norm() / nm_a_step)));
-    SlaveOutput out;
-    for (int i = 1; i <= steps; ++i) {
-      at_ = from + (target - from) * (static_cast<double>(i) / steps);
-      SlaveInput input;
-      input.tip_target_pos_w_nm = at_;
-      slave_.step(input, kDt_s, out);
-      if (each) each(out);
-    }
-    return out;
-  }
-  NveSlave& slave() { return slave_; }
-  const physics::ParticleSolution& particle() const { return *slave_.sample().particle(); }
-  const Vec3& at() const { return at_; }
-
- private:
-  NveSlave slave_;
-  Vec3 at_;
-};
-
 // 60 to 85 nm from the ball: above the ground, on it, over a summit and along it.
 const std::vector<Vec3> kFarAway = {{-55, 0, 8}, {-55, 0, -3}, {-40, 10, -3}, {-40, -5, 6}, {-60, 3, 6}};
 
@@ -113,15 +85,15 @@ const std::vector<Vec3> kFarAway = {{-55, 0, 8}, {-55, 0, -3}, {-40, 10, -3}, {-
 // same step takes without one, and 2 units more: on the same path, whose forces differ by the attraction of
 // the ball, the balance is the same one and may end an evaluation or two earlier or later.
 TEST(ParticleOnAScan, AsleepItCostsNoBalance) {
-  Walk beside(with_ball()), alone(without_ball());
+  SlaveWalk beside(with_ball()), alone(without_ball());
   int steps = 0, balances = 0, dearer = 0;
   std::uint64_t work = 0, work_alone = 0;
   std::vector<std::uint32_t> each;
   for (const Vec3& corner : kFarAway) {
     each.clear();
-    alone.to(corner, 0.5, [&](const SlaveOutput& out) { each.push_back(out.work); });
+    alone.go_to(corner, 0.5, [&](const SlaveOutput& out) { each.push_back(out.work); });
     std::size_t i = 0;
-    beside.to(corner, 0.5, [&](const SlaveOutput& out) {
+    beside.go_to(corner, 0.5, [&](const SlaveOutput& out) {
       ASSERT_EQ(out.fault_bits, 0u);
       ++steps;
       balances += beside.particle().substeps > 0;
@@ -148,8 +120,8 @@ double charged(const SlaveOutput& out) {
 // falling asleep and waking are no step of the force. After it was pushed the two balls lie apart by what
 // their bristles have yielded differently (1e-6 nm as found), at stiffnesses of up to 30 N/m.
 TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
-  Walk sleeper(with_ball());
-  Walk watcher(changed([](scene::Particle& p) { p.parameters.sleeps = false; }));
+  SlaveWalk sleeper(with_ball());
+  SlaveWalk watcher(changed([](scene::Particle& p) { p.parameters.sleeps = false; }));
   int alone = 0, steps = 0, met = 0, woke = 0;
   bool was_alone = false;
   double most = 0, most_snapped = 0, most_later = 0, most_counted = 0;
@@ -157,7 +129,7 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
   const auto both = [&](const Vec3& to, double step) {
     std::vector<SlaveOutput> a;
     std::vector<bool> held;
-    sleeper.to(to, step, [&](const SlaveOutput& out) {
+    sleeper.go_to(to, step, [&](const SlaveOutput& out) {
       a.push_back(out);
       const bool now = sleeper.particle().substeps == 0;
       alone += now;
@@ -166,7 +138,7 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
       held.push_back(sleeper.particle().held_by_tip);
     });
     std::size_t i = 0;
-    watcher.to(to, step, [&](const SlaveOutput& out) {
+    watcher.go_to(to, step, [&](const SlaveOutput& out) {
       met += held[i];
       double& worst = snapped ? most_snapped : met > 0 ? most_later : most;
       worst = std::max(worst, (a[i].force_w_nn - out.force_w_nn).norm());
@@ -215,10 +187,10 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
 // What the tip gives the ball the ground takes, but for the drag (1e-4 nN at 1 µm/s); and the apex is where
 // the springs are under the force that is told.
 TEST(ParticleOnAScan, ForcesBalanceWhilePushed) {
-  Walk walk(with_ball());
-  walk.to({-30, 0, 8}, 0.5);
+  SlaveWalk walk(with_ball());
+  walk.go_to({-30, 0, 8}, 0.5);
   int pushed = 0;
-  walk.to({20, 2, 7}, 0.25, [&](const SlaveOutput& out) {
+  walk.go_to({20, 2, 7}, 0.25, [&](const SlaveOutput& out) {
     ASSERT_EQ(out.fault_bits, 0u) << walk.at().transpose();
     if (walk.particle().substeps == 0) return;
     const auto& contacts = walk.particle().contacts;
@@ -240,8 +212,8 @@ TEST(ParticleOnAScan, ForcesBalanceWhilePushed) {
 // The account against an integral of its own over the forces that were told, by the trapezium. Its error where
 // nothing ends is of second order; meeting and parting add half a step's force each, 20 nN × 0.025 nm.
 TEST(ParticleOnAScan, ChargesTheWorkOfTheCommandedEnd) {
-  Walk walk(with_ball());
-  SlaveOutput before = walk.to({-15, 0, 8}, 0.5);
+  SlaveWalk walk(with_ball());
+  SlaveOutput before = walk.go_to({-15, 0, 8}, 0.5);
   const double counted_at_start = charged(before);
   double work = 0, most = 0;
   Vec3 at = walk.at();
@@ -252,8 +224,8 @@ TEST(ParticleOnAScan, ChargesTheWorkOfTheCommandedEnd) {
     at = walk.at();
     before = out;
   };
-  walk.to({30, 0, 8}, 0.05, add);
-  walk.to({-15, 0, 8}, 0.05, add);
+  walk.go_to({30, 0, 8}, 0.05, add);
+  walk.go_to({-15, 0, 8}, 0.05, add);
   std::printf("work %.4g aJ, account apart from it by %.3g at most\n", work, most);
   EXPECT_GT(work, 10.0);
   EXPECT_LT(most, 0.02 * work);
@@ -333,7 +305,7 @@ TEST_P(Terms, ItsStateIsAllThatLaterStepsDependOn) {
 // Whatever the path, with leaps of some nm: the account is stored plus lost, and neither loss nor account runs
 // backwards; every step finds its balance.
 TEST_P(Terms, NoPathDrawsEnergy) {
-  Walk walk(with_terms(GetParam()));
+  SlaveWalk walk(with_terms(GetParam()));
   NveSlave& slave = walk.slave();
   const double stored_at_start = slave.trace().stored_aj;
   std::uint64_t random = 31;
@@ -363,10 +335,10 @@ TEST_P(Terms, NoPathDrawsEnergy) {
       target = target.cwiseMax(Vec3(-50, -50, 0)).cwiseMin(Vec3(50, 50, 100));
       target.z() = 9 + 9 * unit();
       const Vec3 step = target - walk.at();
-      walk.to(walk.at() + step * std::min(1.0, 3.0 / step.norm()), 3.0, check);
+      walk.go_to(walk.at() + step * std::min(1.0, 3.0 / step.norm()), 3.0, check);
     }
-    walk.to({walk.at().x(), walk.at().y(), 60}, 2.0, check);
-    const SlaveOutput out = walk.to(slave.limits().start_pos_w_nm, 5.0, check);
+    walk.go_to({walk.at().x(), walk.at().y(), 60}, 2.0, check);
+    const SlaveOutput out = walk.go_to(slave.limits().start_pos_w_nm, 5.0, check);
     ASSERT_GE(charged(out), -1e-6) << loop;
   }
   std::printf("%d steps, %d in touch, %d without a balance, lost %.4g aJ\n", steps, touched, without,

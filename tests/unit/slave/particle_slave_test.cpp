@@ -9,11 +9,12 @@
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/slave_walk.h"
 
 namespace telenano::slave {
 namespace {
 
-constexpr double kDt_s = 1e-3;
+constexpr double kDt_s = SlaveWalk::kDt_s;
 
 std::shared_ptr<const scene::Scene> deployed() {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/particle.toml");
@@ -25,37 +26,6 @@ std::shared_ptr<const scene::Scene> changed(const std::function<void(scene::Scen
   return scene;
 }
 
-/// A session as an operator drives it: 1 kHz, in straight lines at some speed.
-class Session {
- public:
-  explicit Session(std::shared_ptr<const scene::Scene> scene) : slave_(std::move(scene)) {
-    at_ = slave_.limits().start_pos_w_nm;
-  }
-
-  using EachStep = std::function<void(const SlaveOutput&)>;
-  SlaveOutput go_to(const Vec3& target, double nm_a_step, const EachStep& each = {}) {
-    const Vec3 from = at_;
-    const int steps = std::max(1, static_cast<int>(std::ceil((target - from).norm() / nm_a_step)));
-    SlaveOutput out;
-    for (int i = 1; i <= steps; ++i) {
-      at_ = from + (target - from) * (static_cast<double>(i) / steps);
-      SlaveInput input;
-      input.tip_target_pos_w_nm = at_;
-      slave_.step(input, kDt_s, out);
-      if (each) each(out);
-    }
-    return out;
-  }
-
-  NveSlave& slave() { return slave_; }
-  const physics::ParticleSolution& particle() const { return *slave_.sample().particle(); }
-  const Vec3& at() const { return at_; }
-
- private:
-  NveSlave slave_;
-  Vec3 at_;
-};
-
 double charged(const SlaveOutput& out) {
   return out.energy_in_aj - out.energy_out_aj;
 }
@@ -64,7 +34,7 @@ double charged(const SlaveOutput& out) {
 // sum of the radii, less the contact's overlap: adhesion pulls in less than 1 nm (u_delta = 0.9 nm for
 // R = 12 nm), the push itself less than that.
 TEST(ParticleSlave, ParticleMovesWithTheTipThatPushesIt) {
-  Session session(deployed());
+  SlaveWalk session(deployed());
   const double start_x = session.particle().particle_centre_w_nm.x();
   EXPECT_NEAR(start_x, 60, 1e-3);  // the tip's van der Waals from 90 nm bends its bristles by 2e-5 nm
   session.go_to(Vec3(0, 0, 10), 1.0);
@@ -92,7 +62,7 @@ TEST(ParticleSlave, ParticleMovesWithTheTipThatPushesIt) {
 // Forces on the particle balance but for the drag, which is some 1e-4 nN at 1 um/s: what the tip gives it is
 // what the sample takes.
 TEST(ParticleSlave, WhatTheTipGivesTheSampleTakes) {
-  Session session(deployed());
+  SlaveWalk session(deployed());
   session.go_to(Vec3(0, 0, 10), 1.0);
   int pushed = 0;
   session.go_to(Vec3(120, 0, 12), 1.0, [&](const SlaveOutput& out) {
@@ -116,7 +86,7 @@ TEST(ParticleSlave, WhatTheTipGivesTheSampleTakes) {
 // ends the rule's error is of second order in the step (0.05 nm): 0.2 aJ over 140 nm of pushing. A jump
 // within a step (meeting, parting) adds up to dF step/2 = 20 nN x 0.025 nm each.
 TEST(ParticleSlave, ChargesTheWorkOfTheCommandedEnd) {
-  Session session(deployed());
+  SlaveWalk session(deployed());
   SlaveOutput before = session.go_to(Vec3(0, 0, 10), 1.0);
   const double counted_at_start = charged(before);
   double work = 0, most = 0;
@@ -138,7 +108,7 @@ TEST(ParticleSlave, ChargesTheWorkOfTheCommandedEnd) {
 // Whatever the path, with leaps of some nm: the account is stored plus lost, neither loss nor account runs
 // backwards, and a closed loop yields nothing: back at the start, charged + what was stored at first >= 0.
 TEST(ParticleSlave, NoPathDrawsEnergy) {
-  Session session(deployed());
+  SlaveWalk session(deployed());
   NveSlave& slave = session.slave();
   const double stored_at_start = slave.trace().stored_aj;
   std::mt19937 random(31);
@@ -186,8 +156,8 @@ TEST(ParticleSlave, NoPathDrawsEnergy) {
 // pushed, and falls asleep again. The tip's own snap into contact is counted by the law alone and by the
 // trapezium with the particle: apart by 30 nN × 0.25 nm.
 TEST(ParticleSlave, BesideASleeperItIsAsIfItWereAwake) {
-  Session sleeper(deployed());
-  Session watcher(changed([](scene::Scene& s) { s.particle->parameters.sleeps = false; }));
+  SlaveWalk sleeper(deployed());
+  SlaveWalk watcher(changed([](scene::Scene& s) { s.particle->parameters.sleeps = false; }));
   int alone = 0, steps = 0, woken = 0;
   double most = 0, most_counted = 0;
   const auto both = [&](const Vec3& to, double step) {
@@ -230,7 +200,7 @@ TEST(ParticleSlave, BesideASleeperItIsAsIfItWereAwake) {
 // on a sample that it hardly sticks to, it comes along.
 TEST(ParticleSlave, IsLostOnTheSampleOrPickedUpFromWhatHoldsItLess) {
   for (const bool weak : {false, true}) {
-    Session session(changed([&](scene::Scene& s) {
+    SlaveWalk session(changed([&](scene::Scene& s) {
       if (weak) s.particle->parameters.particle_sample.work_of_adhesion_n_m *= 0.1;
       scene::make_level_ground(s);
     }));
@@ -267,7 +237,7 @@ TEST(ParticleSlave, IsLostOnTheSampleOrPickedUpFromWhatHoldsItLess) {
 }
 
 TEST(ParticleSlave, ForceLimitHoldsFromAboveAndFromTheSide) {
-  Session session(changed([](scene::Scene& s) { s.limits.force_max_nn = 25; }));
+  SlaveWalk session(changed([](scene::Scene& s) { s.limits.force_max_nn = 25; }));
   bool reached = false;
   const auto check = [&](const SlaveOutput& out) {
     ASSERT_LE(out.force_w_nn.norm(), 25.0 * (1 + 1e-9)) << session.at().transpose();
@@ -285,7 +255,7 @@ TEST(ParticleSlave, ForceLimitHoldsFromAboveAndFromTheSide) {
 }
 
 TEST(ParticleSlave, RetractsInTheMiddleOfAPush) {
-  Session session(deployed());
+  SlaveWalk session(deployed());
   session.go_to(Vec3(0, 0, 10), 1.0);
   session.go_to(Vec3(60, 0, 10), 1.0);
   ASSERT_TRUE(session.particle().held_by_tip);
@@ -329,8 +299,8 @@ TEST(ParticleSlave, TellsTheStiffnessOfItsStiffestDirection) {
 
 TEST(ParticleSlave, EachSessionHasAParticleOfItsOwnAndTheSameBits) {
   const auto scene = deployed();
-  Session a(scene), b(scene), idle(scene);
-  for (Session* session : {&a, &b}) {
+  SlaveWalk a(scene), b(scene), idle(scene);
+  for (SlaveWalk* session : {&a, &b}) {
     session->go_to(Vec3(0, 0, 10), 1.0);
     session->go_to(Vec3(90, 3, 10), 1.0);
   }
@@ -361,7 +331,7 @@ TEST(ParticleSlave, RejectedTrialLeavesNoTrace) {
 }
 
 TEST(ParticleSlave, StepTakesNothingFromTheHeap) {
-  Session session(deployed());
+  SlaveWalk session(deployed());
   session.go_to(Vec3(0, 0, 10), 1.0);
   SlaveInput input;
   SlaveOutput out;
