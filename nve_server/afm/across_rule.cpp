@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace telenano::afm {
 namespace {
@@ -66,6 +67,18 @@ double AcrossRule::lowest_nm(const Vec3& base_w_nm, const Since& since) const no
     lowest_nm = std::max(lowest_nm, std::min(since.high_w_nm.z() - may_nm, base_w_nm.z()));
   }
   return lowest_nm;
+}
+
+double AlongRule::force_down_nn(double adhesion_nn) const noexcept {
+  if (!slope_known()) return std::numeric_limits<double>::infinity();
+  const double m = limits_.slope;
+  return (1 - limits_.part * m) * most_nn() / m - adhesion_nn;
+}
+
+double AlongRule::allowed_nm(double at_nm, double move_nm, double from_nm) const noexcept {
+  if (slope_known()) return move_nm;
+  const double low_nm = std::min(at_nm, from_nm - way_nm()), high_nm = std::max(at_nm, from_nm + way_nm());
+  return std::clamp(at_nm + move_nm, low_nm, high_nm) - at_nm;
 }
 
 }  // namespace telenano::afm

@@ -359,6 +359,8 @@ void AfmLogic::begin_following(std::int64_t now_ns) {
   last_move_ns_ = last_xy_ns_ = now_ns;
   lateral_from_ns_ = reading_from_ns_;
   ground_nm_ = 0;
+  free_y_nm_ = sent_w_nm_.y();
+  along_told_ = false;
   session_ns_ = now_ns;
   last_account_ns_ = now_ns;
   account_.interrupt();

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "telenano/common/config/toml_document.h"
+#include "telenano/nve_server/afm/across_rule.h"
 
 namespace telenano::afm {
 
@@ -31,6 +32,7 @@ AfmConfig load_afm_config(const std::string& path) {
   c.spring_constant_n_m = calibration.number("spring_constant_n_m", between(0.001, 1000));
   c.lateral_nn_v = calibration.number("lateral_nn_v", between(-1e6, 1e6));
   c.across_n_m = calibration.number_or("across_n_m", between(0.1, 1e5), AfmConfig{}.across_n_m);
+  c.along_part = calibration.number_or("along_part", between(0, 2), AfmConfig{}.along_part);
 
   const AfmConfig standard;
   if (const auto t = root.optional_table("limits")) {
@@ -40,6 +42,7 @@ AfmConfig load_afm_config(const std::string& path) {
     c.lateral_max_nn = t->number_or("lateral_max_nn", between(0.01, 1e5), standard.lateral_max_nn);
     c.slope_max = t->number_or("slope_max", between(0, 5), standard.slope_max);
     c.relief_nm = t->number_or("relief_nm", between(0, 1e5), standard.relief_nm);
+    c.along_slope = t->number_or("along_slope", between(0, 100), standard.along_slope);
     c.half_width_nm = t->number_or("half_width_nm", between(1, 1e6), standard.half_width_nm);
     c.top_nm = t->number_or("top_nm", between(1, 1e5), standard.top_nm);
     c.depth_nm = t->number_or("depth_nm", between(0, 1e5), standard.depth_nm);
@@ -62,6 +65,10 @@ AfmConfig load_afm_config(const std::string& path) {
     c.withdraw_nm_s = t->number_or("withdraw_nm_s", between(1000, 1e6), standard.withdraw_nm_s);
     c.park_after_s = t->number_or("park_after_s", between(1, 1e5), standard.park_after_s);
     if (c.touch_force_nn > 0.5 * c.force_max_nn) t->fail("touch_force_nn", "more than half of force_max_nn");
+    if (c.along_slope > 0 &&
+        AlongRule({c.across_n_m, c.lateral_max_nn, c.along_slope, c.along_part}).force_down_nn(0) <
+            c.touch_force_nn)
+      t->fail("touch_force_nn", "more than limits.along_slope leaves of the force down (0: not known)");
     if (c.lift_nm > c.top_nm) t->fail("lift_nm", "above the workspace: more than limits.top_nm");
   }
   if (const auto t = root.optional_table("deadman")) {

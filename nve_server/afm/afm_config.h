@@ -19,6 +19,7 @@ struct AfmConfig {
   double spring_constant_n_m = 40;  ///< of the lever
   double lateral_nn_v = 100;        ///< signed
   double across_n_m = 400;          ///< stiffness across of lever, tip and contact together, the largest
+  double along_part = 0.45;         ///< of a force along the lever, what the deflection shows (across_rule.h)
   // [limits]
   double speed_nm_s = 1000;
   double step_nm = 1;  ///< of one command, along Z and across
@@ -26,6 +27,7 @@ struct AfmConfig {
   double lateral_max_nn = 200;
   double slope_max = 0.5;      ///< steepest ground that the learned model may have
   double relief_nm = 20;       ///< so much higher than where it has touched the ground may be anywhere
+  double along_slope = 0;      ///< steepest way of the tip, friction included; 0: not known
   double half_width_nm = 500;  ///< workspace, across, about where the tip stands at the start
   double top_nm = 60;          ///< above and
   double depth_nm = 40;        ///< below the surface there

@@ -18,7 +18,10 @@ double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) noexcept {
   const MotionHistory::Stretch since = history_.between(reading_from_ns_, now_ns);
   const double k = config_.spring_constant_n_m;
   const double force_nn = state_.measured_force_w_nn.z();
-  const double left_nn = config_.force_max_nn - force_nn;
+  double most_nn = std::min(config_.force_max_nn, along_rule_.force_down_nn(state_.model.adhesion_nn));
+  // Where the tip must not touch at all it goes up as far as no ground is, no further.
+  if (!near_ground()) most_nn = std::max(0.0, most_nn);
+  const double left_nn = most_nn - force_nn;
   double highest_nm = since.highest_nm, across_nm = since.path_across_nm;
   if (watch_.repeats() > 0) {
     highest_nm = std::max(highest_nm, watch_.highest_nm());
@@ -132,6 +135,22 @@ void AfmLogic::slew_surface(std::int64_t now_ns) noexcept {
   shift_nm_ -= shift_nm;
 }
 
+/// Of the way along the lever, `along_nm`, keeps what may be made near the ground.
+void AfmLogic::hold_along(bool told, double& along_nm) {
+  const double may_nm = along_rule_.allowed_nm(sent_w_nm_.y(), along_nm, free_y_nm_);
+  const double least_nm = 1e-3 * config_.step_nm;
+  if (told && std::fabs(along_nm - may_nm) > least_nm) {
+    state_.held_by_force = true;
+    if (!std::exchange(along_told_, true)) {
+      tell(
+          text("held along the lever, where no signal shows the force: no further than %.2g nm, nearer than "
+               "%g nm above the ground (along_slope says how steep it is)",
+               along_rule_.way_nm(), config_.relief_nm));
+    }
+  }
+  along_nm = may_nm;
+}
+
 bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
   if (!state_.force_known) return false;
   slew_surface(now_ns);
@@ -148,6 +167,11 @@ bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
   }(last_move_ns_);
   const double up = std::max(target.z(), lowest) - sent_w_nm_.z();
   Eigen::Vector2d across = (target - sent_w_nm_).head<2>();
+  if (!near_ground()) {
+    free_y_nm_ = sent_w_nm_.y();
+  } else {
+    hold_along(told, across.y());
+  }
   const double back_nm = near_ground() ? across_rule_.back_nm(sent_w_nm_, since_lateral(now_ns)) : 0;
   if (back_nm != 0) across = Eigen::Vector2d(back_nm, 0);
   // What lies within a thousandth of a step is there.
@@ -163,7 +187,8 @@ bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
     if (move.norm() > may) move *= may / move.norm();
     if (near_ground()) move = across_rule_.allowed(sent_w_nm_, move, since_lateral(now_ns));
     // Ground may rise under a move across: not where that could pass the limit before it is read.
-    const bool room = sent_w_nm_.z() - slope() * move.norm() >= by_force;
+    const double room_nm = sent_w_nm_.z() - slope() * move.norm() - by_force;
+    const bool room = room_nm >= 0;
     across_next_ = false;
     if (move.norm() > least && room) {
       sent_w_nm_ += move;
@@ -173,6 +198,13 @@ bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
       return send(Role::kMotion,
                   {AfmOp::kMoveXy, {start_x_nm_ + sent_w_nm_.x(), start_y_nm_ + sent_w_nm_.y()}}, now_ns,
                   call);
+    }
+    // Where a slope that is known holds the force down, a hand that presses on would never be led: it goes up to
+    // make room.
+    if (move.norm() > least && along_rule_.slope_known() && std::min(reach, -room_nm) > 0) {
+      across_next_ = true;
+      last_move_ns_ = now_ns;
+      return send_z(sent_w_nm_.z() + std::min(reach, least - room_nm), now_ns, call);
     }
   }
   if (!wants_z || !(reach > least)) {

@@ -57,6 +57,7 @@ AfmLogic::AfmLogic(const AfmConfig& config, std::unique_ptr<AfmPort> port)
               std::fabs(config.spring_constant_n_m * config.sensitivity_nm_v), config.range_v,
               ns(config.period_s()), config.sensitivity_nm_v > 0 ? 1 : -1, config.force_max_nn}),
       across_rule_({config.spring_constant_n_m, config.across_n_m, config.lateral_max_nn}),
+      along_rule_({config.across_n_m, config.lateral_max_nn, config.along_slope, config.along_part}),
       model_(config.spring_constant_n_m, 0, kContactPart * config.touch_force_nn, config.slope_max),
       account_(config.spring_constant_n_m) {}
 

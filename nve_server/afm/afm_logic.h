@@ -38,7 +38,8 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// limit is noise, thermal bending since the tare, and drift times the age of the reading, times k.
 ///
 /// Lateral limit. Nearer to the sample than `relief_nm` above the highest ground that was touched, the base
-/// goes across and down only as far as AcrossRule lets it. A lateral reading that repeats the last one, bit for
+/// goes across and down only as far as AcrossRule lets it, and along the lever, where no signal shows the force,
+/// as AlongRule says: not at all, or with as little force down as the slope that is known there asks for. A lateral reading that repeats the last one, bit for
 /// bit, is none there.
 ///
 /// In the approach the Z controller moves the tip, and presses with its set point: that is read before each
@@ -134,6 +135,7 @@ class AfmLogic {
   double lowest_allowed_nm(std::int64_t now_ns) noexcept;
   double lowest_by_lateral_nm(std::int64_t now_ns) const noexcept;
   double slope() const noexcept;
+  void hold_along(bool told, double& along_nm);
   bool near_ground() const noexcept { return config_.relief_nm > 0 && sent_w_nm_.z() < clear_nm(); }
   double clear_nm() const noexcept { return ground_nm_ + config_.relief_nm; }
   AcrossRule::Since since_lateral(std::int64_t now_ns) const noexcept;
@@ -248,6 +250,9 @@ class AfmLogic {
   bool lateral_told_ = false;
   double ground_nm_ = 0;  // the highest that was touched, in W
   AcrossRule across_rule_;
+  AlongRule along_rule_;
+  double free_y_nm_ = 0;  // where it was last higher than any ground
+  bool along_told_ = false;
   std::int64_t reading_ns_ = 0;     // when it came
   std::int64_t round_trip_ns_ = 0;  // of a question that is answered at once
   std::int64_t last_account_ns_ = 0;

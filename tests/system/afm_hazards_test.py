@@ -175,7 +175,7 @@ class Hazards(Base):
         server.process.wait(LONG_S)
         self.assertEqual(self.latches(), [f"afm-127.0.0.1_{self.ports[3]}.out"])
         end = time.monotonic() + LONG_S
-        while any("afm-guard" in path.read_text() for path in self.guards()) and time.monotonic() < end:
+        while any("afm-guard" in text for text in self.guards()) and time.monotonic() < end:
             time.sleep(0.05)
         self.deadman()
         again = self.server()
@@ -194,10 +194,11 @@ class Hazards(Base):
         mine = f"127.0.0.1:{self.ports[3]}"
         for path in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
             try:
-                if mine in path.read_text().split("\0"):
-                    yield path
+                text = path.read_text()
             except OSError:
-                continue
+                continue  # it has ended meanwhile
+            if mine in text.split("\0"):
+                yield text
 
     def test_a_running_servers_latch_on_the_same_host_is_its_own(self):
         first = self.simulator()

@@ -94,5 +94,47 @@ TEST(AcrossRule, AwayFromAWallGoesWhatMayNotGoOn) {
   EXPECT_EQ(rule.lowest_nm(Vec3::Zero(), s), 0) << "nor down";
 }
 
+// The lever's own equations instead of the rule's: bodies that push on a rigid tip, each as steep as the slope at
+// most, an adhesion that pulls it down, a lever of any height, tilt and direction.
+TEST(AlongRule, NoBodiesThatAreNoSteeperPushHarderThanAllowed) {
+  Random random(11);
+  double worst = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    const double rise = random.uniform(0, 0.15), tilt = random.uniform(0, 0.2);
+    const double part = std::tan(tilt + std::atan(2 * rise));
+    const double slope = random.uniform(0.05, std::min(3.0, 0.99 / part));
+    const AlongRule rule({kAcross, kLimit, slope, part});
+    const double side = random.chance(0.5) ? 1 : -1, adhesion_nn = random.uniform(0, 60);
+    const auto bodies = 1 + random.below(3);
+    Vec3 force(0, 0, -adhesion_nn);
+    const double most_nn = std::pow(10, random.uniform(0, 3));
+    for (std::uint64_t i = 0; i < bodies; ++i) {
+      const double up_nn = random.uniform(0, most_nn);
+      const double leans = trial % 2 == 0 ? 1 : random.uniform(-1, 1);
+      force += Vec3(0, -side * slope * leans * up_nn, up_nn);
+    }
+    // By the beam's normal and axis, as the photodiode sees it, calibrated by a force along z.
+    const double along = std::cos(tilt) * force.y() - std::sin(tilt) * force.z();
+    const double normal = std::sin(tilt) * force.y() + std::cos(tilt) * force.z();
+    const double shown_nn = (normal + 2 * rise * along) / (std::cos(tilt) - 2 * rise * std::sin(tilt));
+    if (shown_nn > rule.force_down_nn(adhesion_nn)) continue;
+    worst = std::max(worst, std::fabs(force.y()) / (AcrossRule::kPart * kLimit));
+  }
+  std::printf("at most %.3f of what is allowed\n", worst);
+  EXPECT_LE(worst, 1 + 1e-9);
+  EXPECT_GT(worst, 0.9) << "the rule does not ask for more than it must";
+}
+
+TEST(AlongRule, WithoutASlopeTheBaseStaysWhereItCameDownAndMayAlwaysGoBack) {
+  const AlongRule rule({kAcross, kLimit, 0, 0.4});
+  EXPECT_NEAR(kAcross * rule.way_nm(), 0.6 * kLimit, 1e-9);
+  EXPECT_NEAR(rule.allowed_nm(5, 2, 5), 0.3, 1e-12);
+  EXPECT_NEAR(rule.allowed_nm(5.3, 2, 5), 0, 1e-12);
+  EXPECT_NEAR(rule.allowed_nm(5, -2, 5), -0.3, 1e-12);
+  EXPECT_EQ(rule.allowed_nm(9, 2, 5), 0) << "beyond, as when the ground was found to be higher";
+  EXPECT_EQ(rule.allowed_nm(9, -2, 5), -2);
+  EXPECT_TRUE(std::isinf(rule.force_down_nn(30)));
+}
+
 }  // namespace
 }  // namespace telenano::afm

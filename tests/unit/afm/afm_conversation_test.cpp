@@ -20,6 +20,7 @@ void expect_conversation(const Bench& b, const Recorded& recorded) {
 /// From the checks over a touch, a way across and an error of the controller's to the end with everything
 /// given back.
 void whole_session(Bench& b) {
+  b.config.along_slope = 0.3;  // a way along the lever is part of it
   b.start();
   ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
   b.follow(Vec3(0, 0, -5));

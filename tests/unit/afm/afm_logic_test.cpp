@@ -29,6 +29,7 @@ TEST(AfmLogic, ItFindsTheSurfaceTaresAndMeasuresTheDrift) {
 
 TEST(AfmLogic, ItFollowsPressesAndComesBack) {
   Bench b;
+  b.config.along_slope = 0.5;
   b.start();
   ASSERT_TRUE(b.until(Phase::kFollowing));
   b.follow(Vec3(10, -5, 10));

@@ -1,6 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <string>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/random.h"
@@ -208,6 +212,28 @@ TEST(AfmConfigFile, TheOneInTheTreeIsTheDefault) {
   EXPECT_EQ(read.stale_force_s(), 0.06);
   EXPECT_EQ(read.lift_nm, standard.lift_nm);
   EXPECT_EQ(read.withdraw_nm_s, standard.withdraw_nm_s);
+  EXPECT_EQ(read.along_slope, standard.along_slope);
+  EXPECT_EQ(read.along_part, standard.along_part);
+}
+
+// (1 - 0.45 m) 160 nN/m: 248 nN of 0.5, 35 of 1.5, where a touch takes 40.
+TEST(AfmConfigFile, ASlopeThatLeavesLessThanATouchIsRefused) {
+  std::ifstream standard(std::string(TELENANO_SOURCE_DIR) + "/deploy/afm.toml");
+  const std::string text{std::istreambuf_iterator<char>(standard), {}};
+  const std::string limits = "[limits]\n";
+  const auto at = text.find(limits);
+  ASSERT_NE(at, std::string::npos);
+  const std::string path = ::testing::TempDir() + "along_slope.toml";
+  for (const char* slope : {"0.5", "1.5"}) {
+    std::string changed = text;
+    std::ofstream(path) << changed.insert(at + limits.size(), std::string("along_slope = ") + slope + "\n");
+    if (slope == std::string("0.5")) {
+      EXPECT_EQ(load_afm_config(path).along_slope, 0.5);
+    } else {
+      EXPECT_THROW(load_afm_config(path), UserError);
+    }
+  }
+  std::remove(path.c_str());
 }
 
 }  // namespace

@@ -7,11 +7,21 @@
 
 namespace telenano::afm {
 
-/// Silicon oxide with a step up of `height_nm`, 60 nm from where the tip approaches, towards `direction_deg`.
+/// Silicon oxide with a step up of `height_nm`, 60 nm from where the tip approaches, towards `direction_deg`. The
+/// lever yields along Z alone, or is a beam that points to `points`, "+y" or "-y".
 inline std::shared_ptr<const scene::Scene> with_a_step(double height_nm, int direction_deg = 0,
-                                                       double edge_nm = 6) {
+                                                       double edge_nm = 6, const std::string& points = "") {
   const double x_nm = direction_deg == 0 ? -60 : direction_deg == 180 ? 60 : 0;
-  const double y_nm = direction_deg == 90 ? -60 : 0;
+  const double y_nm = direction_deg == 90 ? -60 : direction_deg == 270 ? 60 : 0;
+  // As stiff as the other, 40 N/m, and its tip a tenth of its length high.
+  const std::string lever = points.empty() ? "stiffness_n_m = 40.0\n" : "points = \"" + points + "\"\n";
+  const std::string beam = points.empty() ? "" : R"([probe.beam]
+youngs_modulus_gpa = 169.0
+width_um = 28.894
+thickness_um = 4.0
+length_um = 125.0
+tip_height_um = 12.5
+)";
   return scene::parse_scene(R"(name = "step"
 [sample]
 name = "silicon oxide"
@@ -32,8 +42,7 @@ x_nm = 0.0
 y_nm = 0.0
 [probe]
 tip_radius_nm = 20.0
-stiffness_n_m = 40.0
-[probe.tip]
+)" + lever + beam + R"([probe.tip]
 name = "silicon"
 youngs_modulus_gpa = 160.0
 poisson_ratio = 0.27
