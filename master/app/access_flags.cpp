@@ -18,7 +18,7 @@ void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
         access.server = read.servers;
         access.token = path;
       },
-      "Connect token: servers and a key for a while, instead of --server and --key");
+      "Connect token: servers and a temporary key, instead of --server and --key");
   token->type_name("FILE");
   if (CLI::Option* const server = command.get_option_no_throw("--server")) token->excludes(server);
   command.add_option("--key", access.key, "Key file of this station, for an encrypted session")
@@ -28,9 +28,9 @@ void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
                   "This station's own key pair (telenano-master enroll), instead of --key; with --server-key")
       ->type_name("FILE");
   command
-      .add_option(
-          "--server-key", access.server_key,
-          "The server's public key, as telenano-nve keys identity prints it; of several servers with commas")
+      .add_option("--server-key", access.server_key,
+                  "The server's public key, as telenano-nve keys identity prints it; for several servers, "
+                  "separated by commas")
       ->type_name("sha256:HEX");
   command
       .add_option("--cert", access.certificate,

@@ -41,9 +41,9 @@ void enroll(const EnrollOptions& options) {
 void add_enroll_command(CLI::App& app) {
   auto options = std::make_shared<EnrollOptions>();
   CLI::App* const command = app.add_subcommand(
-      "enroll", "Make this station's own key pair, and print the line that lets it in at a server");
-  command->add_option("name", options->name, "Name of this station, as servers shall call it")->required();
-  command->add_option("--out", options->out, "File of the pair; left out: NAME.id")->type_name("FILE");
+      "enroll", "Make this station's own key pair, and print the line that gives it access to a server");
+  command->add_option("name", options->name, "Name by which servers will know this station")->required();
+  command->add_option("--out", options->out, "File of the key pair (default: NAME.id)")->type_name("FILE");
   command->callback([options] { enroll(*options); });
 }
 

@@ -347,7 +347,7 @@ TEST_F(ImportTest, AChildThatMisbehavesIsOneLine) {
             file + ": Gwyddion cannot read it: File is truncated.");
   EXPECT_EQ(refusal("printf 'a\\033[31m\\n' >&2; exit 1"), file + ": Gwyddion cannot read it: a?[31m");
   EXPECT_EQ(refusal("exit 3"), file + ": Gwyddion cannot read it: it does not say why");
-  EXPECT_EQ(refusal("exit 0"), file + ": Gwyddion makes nothing of it: it does not say why");
+  EXPECT_EQ(refusal("exit 0"), file + ": Gwyddion cannot convert it: it does not say why");
   EXPECT_EQ(refusal("kill -SEGV $$"), file + ": Gwyddion crashes on it (signal 11)");
   // More words than are kept.
   EXPECT_NE(refusal("yes | head -c 3000000; exit 1").find("cannot read it"), std::string::npos);

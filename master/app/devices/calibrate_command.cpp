@@ -138,7 +138,7 @@ void calibrate_dynamics(const CalibrateOptions& options) {
     throw UserError("calibrate --dynamics --device " + options.device +
                     ": only a device that shows forces can be measured: omega, sim");
   if (!sim && options.hand_on)
-    throw UserError("--hand-on: only --device sim has a hand that is told to hold on");
+    throw UserError("--hand-on works only with --device sim, whose simulated hand can hold the handle");
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   if (!file.device.watchdog_ms) file.device.watchdog_ms = kWatchdogMs;
   calibration::MeasurementConfig config;

@@ -91,8 +91,8 @@ SessionDevice open_mouse(const DeviceSettings& settings,
                          const rt::LatestValue<device::PointerState>* pointer) {
   if (pointer == nullptr) {
     throw UserError(
-        "--device mouse: the mouse moves the hand in the viewer's window, and there is none here; use sim, "
-        "omega, hid or replay:FILE");
+        "--device mouse: the mouse moves the hand in the viewer's window, and this command opens no "
+        "window; use sim, omega, hid or replay:FILE");
   }
   SessionDevice opened;
   device::PointerConfig config;

@@ -393,15 +393,16 @@ void plan(const PlanOptions& options) {
 void add_plan_command(CLI::App& app) {
   auto options = std::make_shared<PlanOptions>();
   CLI::App* const command = app.add_subcommand(
-      "plan", "The scaling for this station, link and slave, and why: CSV, words, a picture");
+      "plan", "Plan the scaling for this station, link and slave, with reasons: CSV, text, a picture");
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
-  command->add_option("--server", options->server,
-                      "HOST:PORT of telenano-nve serve: asks it for its limits and measures the way");
+  command->add_option(
+      "--server", options->server,
+      "HOST:PORT of telenano-nve serve: plan asks it for its limits and measures the round trip");
   command->add_option("--limits", options->limits,
-                      "Limits of a slave instead, written by telenano-nve check --limits");
+                      "Instead of --server: limits of a slave, written by telenano-nve check --limits");
   command
       ->add_option("--device", options->device,
-                   "Haptic device that it is for (default: the station file's [device], else sim)")
+                   "Haptic device to plan for (default: the station file's [device], else sim)")
       ->type_name("{sim,omega}");
   command->add_option("--rtt-ms", options->rtt_ms,
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
@@ -411,9 +412,10 @@ void add_plan_command(CLI::App& app) {
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
   command->add_flag(
       "--felt", options->felt,
-      "Also what the hand will feel, by pressing a copy of the server's scene here: rows felt_*");
+      "Also compute what the hand will feel, by pressing on a local copy of the server's scene: "
+      "rows felt_*");
   command->add_option("--compand", options->compand,
-                      "With --felt: also with weak attraction up to so many times as strong, 1 to 10");
+                      "With --felt: also show weak attraction up to this many times as strong, 1 to 10");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
                       "Edge of the hand's workspace (default: the device's)");
   command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");
@@ -422,10 +424,8 @@ void add_plan_command(CLI::App& app) {
   command->add_option("--plot", options->plot, "FILE.svg or FILE.png: draw the region, by gnuplot");
   add_access_flags(*command, *options);
   command->footer(
-      "CSV on standard output (key,value,unit), the plan in words on standard error. `run` uses the same "
-      "plan "
-      "for\n"
-      "whatever scale neither its station file nor its flags give.");
+      "CSV on standard output (key,value,unit), the plan as text on standard error. `run` uses the "
+      "same plan for\nevery scale that neither its station file nor its flags set.");
   command->callback([options] { plan(*options); });
 }
 

@@ -94,42 +94,39 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       .add_option("--rt-priority", options.realtime_priority, "SCHED_FIFO priority of the loop; 0 = ordinary")
       ->capture_default_str()
       ->check(CLI::Range(0, 99));
-  command
-      .add_option("--rt-cpu", options.realtime_cpu, "Processor of the loop; left out: wherever there is room")
+  command.add_option("--rt-cpu", options.realtime_cpu, "Processor of the loop (default: any)")
       ->check(CLI::Range(0, 1023));
-  command.add_flag(
-      "--cpu-awake", options.cpu_awake,
-      "Keep the processors from sleeping deeply: wakes in a few microseconds, at the price of heat");
-  command.add_option("--give-up-s", options.give_up_s, "End the session after so much silence")
+  command.add_flag("--cpu-awake", options.cpu_awake,
+                   "Keep the processors out of deep sleep: they wake in a few microseconds, but produce more "
+                   "heat");
+  command
+      .add_option("--give-up-s", options.give_up_s, "End the session if the server is silent for this long")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));
   add_view_flags(command, options.view);
   CLI::Option* const observe = command.add_flag(
       "--observe", options.observe,
-      "Of a shared tip (serve --share one-tip): look on, never hold it; until stopped, or for --duration-s");
+      "With a shared tip (serve --share one-tip): observe and never hold it, until stopped or for "
+      "--duration-s");
   command
-      .add_flag(
-          "--take-over", options.take_over,
-          "Of a shared tip: ask for it, and get it as soon as it is free or its holder lets go; with the "
-          "right to administer at once")
+      .add_flag("--take-over", options.take_over,
+                "With a shared tip: ask for it, and get it as soon as it is free or its holder lets go, or "
+                "at once with the right to administer")
       ->excludes(observe);
   command
-      .add_option(
-          "--session-file", options.session_file,
-          "Keep the session's token here: a run that was killed and started again within the server's "
-          "--resume-s goes on with the same tip and account")
+      .add_option("--session-file", options.session_file,
+                  "Keep the session's token here: if the run is killed and started again within the server's "
+                  "--resume-s, it continues with the same tip and account")
       ->type_name("FILE");
-  command.add_flag(
-      "--close-at-end", options.close_at_end,
-      "Close the window with the session, whatever its end (default: at a terminal it stays with a "
-      "summary)");
-  command.add_flag("--quiet", options.quiet, "No progress, only the summary");
+  command.add_flag("--close-at-end", options.close_at_end,
+                   "Close the window when the session ends, for whatever reason (default: at a terminal it "
+                   "stays and shows a summary)");
+  command.add_flag("--quiet", options.quiet, "Print no progress, only the summary");
   command.footer(
-      "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server "
-      "silent for too\n"
-      "long, the station stopped itself, recording incomplete (a full disk does not end the session); 2 "
-      "wrong usage or\n"
-      "configuration, nothing was written.");
+      "Exit code: 0 the task is done, or was stopped by a signal; 1 failed while running (no "
+      "server, server silent for too\nlong, the station stopped itself, or the recording is "
+      "incomplete; a full disk does not end the session); 2 wrong usage or\nconfiguration, and "
+      "nothing was written.");
 }
 
 /// One session after the other, for as long as a person wants.
@@ -160,8 +157,8 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command
       ->add_option(
           "--task", options->task,
-          "What the simulated hand does; in a window others can be chosen later. With neither this nor "
-          "--duration-s the session goes on after the task")
+          "What the simulated hand does; in a window you can choose another task later. Without this "
+          "and --duration-s the session continues after the task")
       ->capture_default_str()
       ->type_name("{position,contact,indent,scan,script}")
       ->each([options](const std::string&) { options->task_given = true; });
@@ -169,7 +166,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                       "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");
   command
       ->add_option("--duration-s", options->duration_s,
-                   "Length of the task (default 10); of a person's session (default: until stopped)")
+                   "Length of the task (default 10), or of a person's session (default: until stopped)")
       ->check(CLI::Range(0.5, 3600.0));
   command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
       ->check(CLI::Range(0.0, 1000.0));
@@ -182,7 +179,7 @@ CLI::App* add_replay_command(CLI::App& app, const std::string& command_line, int
   auto options = std::make_shared<RunOptions>();
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand(
-      "replay", "The hand's motion of a recording once more, at any server: run --device replay:FILE");
+      "replay", "Repeat the hand's motion of a recording with any server, like run --device replay:FILE");
   auto file = std::make_shared<std::string>();
   command->add_option("FILE", *file, "recording")->required();
   add_session_flags(*command, *options);

@@ -248,8 +248,8 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
 std::uint32_t tip_wish(const RunOptions& options, const std::string& server, bool shared) {
   if (!shared && options.observe) {
     throw RunError(fmt::format(
-        "--observe: the server at {} gives each session a tip of its own, so there is none to observe; it "
-        "would have to run with --share one-tip",
+        "--observe: the server at {} gives each session its own tip, so there is no shared tip to "
+        "observe; start the server with --share one-tip",
         server));
   }
   if (!shared && options.take_over && !options.quiet)

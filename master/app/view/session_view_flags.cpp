@@ -8,19 +8,18 @@ namespace telenano::app {
 void add_picture_flags(CLI::App& command, ViewOptions& options, const std::string& at) {
   command
       .add_option("--surface", options.surface,
-                  "Scan to draw: a .gsf as the server's scene has it, or the scene's name; read again when "
-                  "it changes; without, "
-                  "the one that the server lets be fetched, else a plane and what has been touched")
+                  "Scan to draw: the .gsf of the server's scene, or the scene's name; read again when it "
+                  "changes. Default: the scan that the server offers, else a plane and the places touched")
       ->type_name(config::kSceneOrFile);
   command
       .add_option("--tip-radius-nm", options.tip_radius_nm,
-                  "Of the tip as drawn; the server does not tell its own")
+                  "Radius of the tip as drawn; the server does not report its own")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 10000.0));
   command
-      .add_option(
-          "--text-size", options.text_size,
-          "Of the words in the window, times the screen's own; Ctrl and plus or minus change it there")
+      .add_option("--text-size", options.text_size,
+                  "Text size in the window, relative to the screen's own; change it there with Ctrl and plus "
+                  "or minus")
       ->capture_default_str()
       ->check(CLI::Range(0.75, 2.5));
   command.add_option(
@@ -36,12 +35,14 @@ void add_picture_flags(CLI::App& command, ViewOptions& options, const std::strin
 }
 
 void add_view_flags(CLI::App& command, ViewOptions& options) {
-  command.add_flag("--view", options.view,
-                   "Open a window: sample, tip, forces, sliders, STOP; F1 in it tells its keys. "
-                   "Default with --device mouse");
+  command.add_flag(
+      "--view", options.view,
+      "Open a window: sample, tip, forces, sliders, STOP; F1 lists its keys. Default with --device "
+      "mouse");
   command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
-  command.add_flag("--guide", options.guide,
-                   "In the window: five steps to a first touch, to a pull-off; G switches it");
+  command.add_flag(
+      "--guide", options.guide,
+      "In the window: five steps from a first touch to a pull-off; G switches the guide on and off");
   add_picture_flags(command, options, "Seconds of the hand's motion after which --screenshot is taken");
   command.get_option("--screenshot")->excludes("--view");
 }

@@ -81,8 +81,8 @@ void make_issuer(const KeysOptions& options) {
   const std::string out = options.out.empty() ? options.name + ".issuer" : options.out;
   security::new_issuer(options.list, options.name, *net::parse_rights(options.rights), out);
   std::fprintf(stderr,
-               "telenano-nve: '%s' may make connect tokens that %s at most; bring %s to whoever makes them "
-               "(telenano-nve token) and to the other servers (keys issuer --from)\n",
+               "telenano-nve: '%s' may make connect tokens that %s at most; copy %s to the program that "
+               "makes them (telenano-nve token) and to the other servers (keys issuer --from)\n",
                options.name.c_str(), options.rights.c_str(), out.c_str());
 }
 

@@ -56,14 +56,16 @@ void make(const TokenOptions& options) {
 CLI::App* add_token_command(CLI::App& app) {
   auto options = std::make_shared<TokenOptions>();
   CLI::App* const command = app.add_subcommand(
-      "token", "Make a connect token: one file that lets a station in at some servers for a while");
-  command->add_option("station", options->station, "Name of the station, or of who sits at it")->required();
+      "token", "Make a connect token: a file that gives a station access to some servers for a limited time");
+  command->add_option("station", options->station, "Name of the station, or of its operator")->required();
   command->add_option("--issuer", options->issuer, "The issuer's file, from telenano-nve keys issuer")
       ->required()
       ->type_name("FILE");
   command
-      ->add_option("--server", options->servers,
-                   "HOST:PORT of the servers, in the order in which the station asks them; A,B or again")
+      ->add_option(
+          "--server", options->servers,
+          "HOST:PORT of the servers, in the order in which the station tries them; A,B or repeat the "
+          "flag")
       ->required()
       ->delimiter(',')
       ->type_name("HOST:PORT");
@@ -71,15 +73,17 @@ CLI::App* add_token_command(CLI::App& app) {
   command->add_option("--rights", options->rights, "observe | operate | administer")
       ->capture_default_str()
       ->check(CLI::IsMember(rights));
-  command->add_option("--minutes", options->minutes, "So long it begins sessions; one that runs then goes on")
+  command
+      ->add_option("--minutes", options->minutes,
+                   "How long the token can begin sessions; a running session then continues")
       ->capture_default_str()
       ->check(CLI::Range(1.0 / 60, 525600.0));
   command->add_option("--out", options->out, "The token; left out: STATION.token; -: standard output")
       ->type_name("FILE");
   command->footer(
-      "It needs no server and changes none: each that has the issuer in its list of keys takes the token, by "
-      "its\n"
-      "own clock. Revoking the issuer (keys revoke) ends all that its tokens have begun.");
+      "This contacts no server. Each server with the issuer in its list of keys accepts the token, "
+      "judged by its\nown clock. Revoking the issuer (keys revoke) ends all sessions that its "
+      "tokens began.");
   command->callback([options] { make(*options); });
   return command;
 }

@@ -196,109 +196,110 @@ void run(const FitOptions& options) {
 
 void add_fit_command(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("fit", "a sample's modulus and adhesion from force curves of your own");
+      app.add_subcommand("fit", "find a sample's modulus and adhesion from your own force curves");
   auto options = std::make_shared<FitOptions>();
   command
-      ->add_option(
-          "curves", options->curves,
-          "force curves: .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats), NanoScope (.spm, .000); several: "
-          "each by itself")
+      ->add_option("curves", options->curves,
+                   "force curves: .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats), NanoScope (.spm, .000); "
+                   "several curves are fitted separately")
       ->required()
       ->type_name("FILE");
   command
-      ->add_option(
-          "--scene", options->scene,
-          "the start, and what is known: tip radius, lever, law, materials; its ground does not matter")
+      ->add_option("--scene", options->scene,
+                   "the starting scene with the known values: tip radius, lever, law, materials; its surface "
+                   "does not matter")
       ->required()
       ->type_name(config::kSceneOrFile);
   command
       ->add_option("-o,--out", options->out,
-                   "the same scene with what was found (of several curves the median)")
+                   "the same scene with the fitted values (for several curves, the median)")
       ->required()
       ->type_name("FILE");
   command
-      ->add_option("--invols-nm-v", options->invols,
-                   "deflection sensitivity; stiff: from the deepest part, as if the sample were rigid")
+      ->add_option(
+          "--invols-nm-v", options->invols,
+          "deflection sensitivity; stiff: taken from the deepest part of the curve, as if the sample "
+          "were rigid")
       ->type_name("NUMBER|stiff");
-  auto* stiffness =
-      command->add_option("--stiffness-n-m", options->stiffness_n_m, "of the lever; left out: the scene's");
+  auto* stiffness = command->add_option("--stiffness-n-m", options->stiffness_n_m,
+                                        "stiffness of the lever (default: the scene's)");
   auto* thermal =
       command
           ->add_option(
               "--thermal", options->thermal,
-              "the lever's stiffness by its thermal motion: table of frequency_hz and psd_nm2_hz (or V2), or "
-              "of time_s and deflection_nm (or V), of the free lever")
+              "measure the lever's stiffness from its thermal motion: table of frequency_hz and psd_nm2_hz "
+              "(or V2), or of time_s and deflection_nm (or V), of the free lever")
           ->type_name("FILE");
   auto* reference =
       command
-          ->add_option("--reference-curve", options->reference,
-                       "the lever's stiffness by a curve on a reference, with --reference-stiffness-n-m")
+          ->add_option(
+              "--reference-curve", options->reference,
+              "measure the lever's stiffness from a curve on a reference, with --reference-stiffness-n-m")
           ->type_name("FILE");
   stiffness->excludes(thermal)->excludes(reference);
   thermal->excludes(reference);
   command
-      ->add_option(
-          "--thermal-lever", options->thermal_lever,
-          "what of the motion is seen: rectangular 0.817 or v-shaped 0.764 by the slope, whose sensitivity "
-          "was taken on something rigid; displacement 0.971")
+      ->add_option("--thermal-lever", options->thermal_lever,
+                   "part of the motion that the instrument sees: rectangular 0.817 or v-shaped 0.764 if it "
+                   "measures the slope with a sensitivity calibrated on something rigid; displacement 0.971")
       ->check(CLI::IsMember({"rectangular", "v-shaped", "displacement"}))
       ->capture_default_str();
   command->add_option("--temperature-c", options->temperature_c, "of the lever")->capture_default_str();
   command
       ->add_option("--thermal-band-hz", options->thermal_band,
-                   "frequencies that are fitted; left out: about the peak")
+                   "frequencies to fit (default: around the peak)")
       ->type_name("LOW:HIGH");
-  command->add_option("--reference-stiffness-n-m", options->reference_n_m, "of the reference, along z");
+  command->add_option("--reference-stiffness-n-m", options->reference_n_m,
+                      "stiffness of the reference, along z");
   command
       ->add_option(
           "--stiffness-error-percent", options->stiffness_error_percent,
-          "standard deviation of the lever's stiffness beside what its measurement shows (sensitivity, "
-          "temperature); the intervals hold it")
+          "additional standard deviation of the lever's stiffness that its measurement does not show "
+          "(sensitivity, temperature); the intervals include it")
       ->capture_default_str();
-  command->add_option("--radius-nm", options->radius_nm, "of the tip; left out: the scene's");
+  command->add_option("--radius-nm", options->radius_nm, "radius of the tip (default: the scene's)");
   command
       ->add_option(
           "--also", options->also,
-          "fit these, too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, or H the "
-          "Hamaker constant; one follows from the other and w: H = 12 pi z0^2 w; humidity and film of a "
-          "scene "
-          "with a capillary bridge")
+          "fit these too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, or H "
+          "the Hamaker constant; each follows from the other and w: H = 12 pi z0^2 w; humidity and "
+          "film for a scene with a capillary bridge")
       ->check(CLI::IsMember({"R", "z0", "H", "humidity", "film"}));
-  command->add_option(
-      "--hamaker-aj", options->hamaker_aj,
-      "Hamaker constant, held whatever w is; with --also H the start; left out: the scene's, or "
-      "that of its z0 and w");
-  command->add_flag("--shift", options->shift, "z may be shifted between the two ways: drift of the piezo");
+  command->add_option("--hamaker-aj", options->hamaker_aj,
+                      "Hamaker constant, fixed whatever w is; with --also H the starting value (default: the "
+                      "scene's, or that of its z0 and w)");
+  command->add_flag("--shift", options->shift,
+                    "allow a shift of z between approach and retract: drift of the piezo");
   command->add_option("--z-column", options->columns.z, "name of the column or channel with the height");
   command->add_option("--deflection-column", options->columns.deflection,
                       "name of the column or channel with the deflection");
   command
       ->add_option("--curve", options->number,
-                   "of a file with several curves (HDF5) that one alone, from 0; left out: all of them")
+                   "use only this curve of a file with several curves (HDF5), from 0 (default: all of them)")
       ->type_name("NUMBER");
   command->add_option("--residuals", options->residuals, "CSV: curve, model and residual, point by point")
       ->type_name("FILE");
-  command->add_option("--table", options->table, "CSV: a line of estimates a curve")->type_name("FILE");
+  command->add_option("--table", options->table, "CSV: one line of estimates per curve")->type_name("FILE");
   command->add_option("--plot", options->plot, "picture of the first curve with its fit (.svg or .png)")
       ->type_name("FILE");
   command
       ->add_option("--map", options->map,
-                   "folder for pictures of E, w and what else is fitted (.gsf), of curves on a grid")
+                   "folder for maps of E, w and the other fitted values (.gsf), for curves on a grid")
       ->type_name("FOLDER");
   command
       ->add_option("--map-grid", options->map_grid,
                    "places of the grid: the curves are given line by line from the lower left")
       ->type_name("COLUMNSxROWS");
   command->add_option("--map-size-nm", options->map_size, "size of the grid")->type_name("WIDTHxLENGTH");
-  command->add_option("--threads", options->threads, "0: as many as cores; changes no result")
+  command->add_option("--threads", options->threads, "0: one per core; does not change the result")
       ->capture_default_str();
-  command->add_flag("--force", options->force, "replace files that are there");
+  command->add_flag("--force", options->force, "replace existing files");
   command->footer(
-      "The model is that of curve: the scene's law on a flat sample with the lever in the loop, both ways. "
-      "The "
-      "lever's\nstiffness is never fitted: no quasi-static curve tells it; --thermal and --reference-curve "
-      "do. Intervals are 95 %, by profile "
-      "likelihood with the noise's own\ncorrelation; what the curve cannot tell is open, and said.");
+      "The model is the same as in curve: the scene's law on a flat sample with the lever in the "
+      "loop, in both directions.\nThe lever's stiffness is never fitted, because no quasi-static "
+      "curve determines it; --thermal and --reference-curve do.\nIntervals are 95 %, by profile "
+      "likelihood with the noise's own correlation. A value that the curve does not determine\nis "
+      "reported as open.");
   command->callback([options] { run(*options); });
 }
 

@@ -67,7 +67,9 @@ MeasuredLever by_reference(const FitOptions& options) {
   if (raw.unit == fit::DeflectionUnit::kVolt && !raw.invols_nm_v && !how.invols_nm_v)
     how.invols_nm_v = invols_of(options);
   if (how.invols_from_stiff)
-    throw UserError("--invols-nm-v stiff does not go with --reference-curve: what it pressed on gives way");
+    throw UserError(
+        "--invols-nm-v stiff cannot be used with --reference-curve: the reference gives way, so it "
+        "is not rigid");
   const fit::PreparedCurve curve = fit::prepare(raw, how);
   if (!curve.error.empty()) throw UserError(options.reference + ": " + curve.error);
   const fit::ReferenceSlope slope = fit::reference_slope(curve);

@@ -265,7 +265,7 @@ std::string convert_by_gwyddion(const std::string& path, const ConvertLimits& li
     converted.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     if (static_cast<std::size_t>(converted.gcount()) != bytes.size()) bytes.clear();
   }
-  if (bytes.empty()) throw UserError(path + ": Gwyddion makes nothing of it: " + reason(ended.said, file));
+  if (bytes.empty()) throw UserError(path + ": Gwyddion cannot convert it: " + reason(ended.said, file));
   return bytes;
 }
 

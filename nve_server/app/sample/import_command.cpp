@@ -486,11 +486,11 @@ void run(const Options& options) {
 
 void add_import_command(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("import", "a scan of your own (.gwy, .gsf, and what Gwyddion reads) as a scene");
+      app.add_subcommand("import", "make a scene from your own scan (.gwy, .gsf, and what Gwyddion reads)");
   auto options = std::make_shared<Options>();
   command
       ->add_option("file", options->file,
-                   "the scan: .gwy or .gsf; all else is converted by Gwyddion, if installed")
+                   "the scan: .gwy or .gsf; Gwyddion, if installed, converts other formats")
       ->required()
       ->type_name("FILE");
   command
@@ -508,25 +508,25 @@ void add_import_command(CLI::App& app) {
       ->check(CLI::IsMember({"rows-median", "none"}));
   command
       ->add_option("--spikes", options->spikes,
-                   "take out single pixels that stand out by more than so many times the noise, e.g. 10")
+                   "remove single pixels that stand out by more than this many times the noise, e.g. 10")
       ->capture_default_str()
       ->type_name("SIGMA|none");
   command->add_flag("--fill-masked", options->fill_masked,
-                    "replace pixels under the channel's mask from around them");
-  command->add_option("--tip-radius-nm", options->tip_radius_nm, "of the tip that will touch it, 1 to 1e4")
+                    "fill the pixels under the channel's mask from their surroundings");
+  command
+      ->add_option("--tip-radius-nm", options->tip_radius_nm,
+                   "radius of the tip that will touch the sample, 1 to 1e4")
       ->capture_default_str();
   command
       ->add_option("--deconvolve-radius-nm", options->deconvolve,
-                   "take out the width of the tip that measured it: its radius, 1 to 1e4, or blind: the "
-                   "bluntest that the "
-                   "scan allows; also writes NAME_certainty.gsf")
+                   "remove the width of the tip that measured the scan: its radius, 1 to 1e4, or blind: the "
+                   "bluntest tip that the scan allows; also writes NAME_certainty.gsf")
       ->type_name("R|blind");
-  command->add_flag("--force", options->force, "replace files that are there");
+  command->add_flag("--force", options->force, "replace existing files");
   command->footer(
-      "Writes FOLDER/NAME.gsf and FOLDER/scene.toml, which says in comments what was done; a scan carries no "
-      "material: edit the\nscene's [sample] and [probe]. Order: gaps, spikes, lines, plane, tip. Pixels "
-      "without "
-      "a height are filled smoothly, at most a quarter.");
+      "Writes FOLDER/NAME.gsf and FOLDER/scene.toml, whose comments say what was done. A scan "
+      "holds no material data:\nedit the scene's [sample] and [probe]. Order of the steps: gaps, "
+      "spikes, lines, plane, tip. Pixels without a height are filled smoothly, at most a quarter.");
   command->callback([options] { run(*options); });
 }
 

@@ -268,7 +268,8 @@ void add_check_command(CLI::App& app) {
   auto limits = std::make_shared<std::string>();
   command
       ->add_option("--limits", *limits,
-                   "also write what a station may know of this scene's slave, to plan its scaling (TOML)")
+                   "also write the limits of this scene's slave, from which a station can plan its scaling "
+                   "(TOML)")
       ->type_name("FILE");
   command->callback([path, limits] { run(*path, *limits); });
 }

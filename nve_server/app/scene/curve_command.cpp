@@ -64,20 +64,19 @@ void add_curve_command(CLI::App& app) {
   command->add_option("--from-nm", options->plan.from_nm, "highest base height above the surface at (x, y)")
       ->capture_default_str();
   command->add_option("--to-nm", options->plan.to_nm, "lowest base height")->capture_default_str();
-  command->add_option("--step-nm", options->plan.step_nm, "between rows; jumps are resolved between them")
+  command
+      ->add_option("--step-nm", options->plan.step_nm,
+                   "distance between rows; jumps between rows are resolved")
       ->capture_default_str();
   command->footer(
       "Columns: direction approach|retract; base_z_nm height of the tip apex with the cantilever "
-      "undeflected, above\n"
-      "the surface at (x, y), along W z; tip_z_nm = base + deflection; overlap_nm largest normal overlap, "
-      "negative = gap;\n"
-      "force_nn W-z force on the tip, repulsive positive; deflection_nm = force/k_z, up positive; branch\n"
-      "free|vdw|noncontact|contact; work_aj work done by the base since the first row. The virtual coupling "
-      "takes no part.\n"
-      "Where a scan has no balance of tip and cantilever a line with # stands for the row, and the curve "
-      "goes "
-      "on;\n"
-      "how many there were is said on standard error.");
+      "undeflected, above\nthe surface at (x, y), along W z; tip_z_nm = base + deflection; "
+      "overlap_nm largest normal overlap, negative = gap;\nforce_nn W-z force on the tip, "
+      "repulsive positive; deflection_nm = force/k_z, up positive; branch\n"
+      "free|vdw|noncontact|contact; work_aj work done by the base since the first row. The virtual "
+      "coupling is not included.\nIf tip and cantilever have no balance at a place of a scan, a "
+      "line with # replaces the row, and the curve continues;\ntheir number is printed on standard "
+      "error.");
   command->callback([options] { run(*options); });
 }
 

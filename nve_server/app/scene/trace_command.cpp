@@ -153,7 +153,7 @@ void run(const Options& options) {
 
 void add_trace_command(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("trace", "the tip along a path from a file; forces as CSV, marks as .gsf");
+      app.add_subcommand("trace", "move the tip along a path from a file; forces as CSV, marks as .gsf");
   auto options = std::make_shared<Options>();
   command
       ->add_option("--scene", options->scene,
@@ -173,12 +173,10 @@ void add_trace_command(CLI::App& app) {
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e6));
   command->footer(
-      "One row of result for each row of the path, with the commanded end where it came to be (the scene's "
-      "limits hold),\nthe tip's apex, the force on the tip, the deflection (force/k_z, up positive), the "
-      "branch, "
-      "the work done by the end\nsince the start, the energy stored and that dissipated, and the fault bits "
-      "of "
-      "PROTOCOL.md.");
+      "Prints one row for each row of the path: the position that the commanded end reached (the "
+      "scene's limits apply),\nthe tip's apex, the force on the tip, the deflection (force/k_z, up "
+      "positive), the branch, the work done by the end\nsince the start, the energy stored, the "
+      "energy dissipated, and the fault bits of PROTOCOL.md.");
   command->callback([options] { run(*options); });
 }
 
