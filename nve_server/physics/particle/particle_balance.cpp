@@ -65,14 +65,14 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
       start_u_(from.tip_centre_w_nm - free_end),
       drag_n_m_(model.parameters.drag_n_s_m / dt_s),
       asleep_(asleep) {
-  best_.y.head<3>() = start_u_;
+  best_->y.head<3>() = start_u_;
   for (int i = 0; i < kParticleContacts; ++i) {
     held_[i].place = from.contacts[i].place;
     held_[i].hint = from.contacts[i].hint;
   }
   if (!asleep) return;
   const ParticleSleep& rest = from.sleep;
-  for (Trial* trial : {&best_, &trial_}) {
+  for (Trial* trial : {best_, trial_}) {
     ContactTrial& contact = trial->contacts[kParticleSample];
     contact.law = rest.law;
     contact.normal_w = rest.normal_w;
@@ -269,25 +269,25 @@ double ParticleBalance::excess(const Vec9& step) const noexcept {
   const ParticleParameters& p = model_.parameters;
   const double lever = p.particle_radius_nm;
   const double longest = std::max(kLongestStepRadii * std::min(p.tip_radius_nm, lever),
-                                  -kLongestStepOfGap * best_.contacts[kTipParticle].law.overlap_nm);
+                                  -kLongestStepOfGap * best_->contacts[kTipParticle].law.overlap_nm);
   const double turn = std::max(kLongestTurn_rad, longest / lever);
   return std::max(step.segment<3>(3).norm() / longest, step.tail<3>().norm() / turn);
 }
 
 bool ParticleBalance::find_tip_step(bool convex, Vec9& step) const noexcept {
-  const Eigen::LLT<Mat3> factor(Mat3(hessian(best_, convex).topLeftCorner<3, 3>()));
+  const Eigen::LLT<Mat3> factor(Mat3(hessian(*best_, convex).topLeftCorner<3, 3>()));
   if (factor.info() != Eigen::Success) return false;
   step.setZero();
-  step.head<3>() = -factor.solve(Vec3(best_.gradient.head<3>()));
+  step.head<3>() = -factor.solve(Vec3(best_->gradient.head<3>()));
   return step.allFinite();
 }
 
 bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
   if (asleep_) return find_tip_step(convex, step);
-  Mat9 h = hessian(best_, convex);
+  Mat9 h = hessian(*best_, convex);
   Eigen::LLT<Mat9> factor(h);
   if (factor.info() != Eigen::Success) return false;
-  step = -factor.solve(best_.gradient);
+  step = -factor.solve(best_->gradient);
   // A particle that little holds would go far: held back by springs of its own, so that the tip, which may be
   // held by stiff ones, still goes all its way.
   const double lever = model_.parameters.particle_radius_nm;
@@ -296,33 +296,33 @@ bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
     const double over = excess(step);
     if (!(over > 1.0)) return std::isfinite(over);
     const double moved = step.segment<3>(3).squaredNorm() + lever * lever * step.tail<3>().squaredNorm();
-    const double more = std::max(3.0 * springs, 2.0 * over * std::abs(best_.gradient.dot(step)) / moved);
+    const double more = std::max(3.0 * springs, 2.0 * over * std::abs(best_->gradient.dot(step)) / moved);
     h.block<3, 3>(3, 3).diagonal().array() += more;
     h.block<3, 3>(6, 6).diagonal().array() += more * lever * lever;
     springs += more;
     factor.compute(h);
     if (factor.info() != Eigen::Success) return false;
-    step = -factor.solve(best_.gradient);
+    step = -factor.solve(best_->gradient);
   }
   step /= std::max(1.0, excess(step));
   return step.allFinite();
 }
 
 bool ParticleBalance::descend(const Vec9& step, double tolerance) noexcept {
-  const double slope = best_.gradient.dot(step);
+  const double slope = best_->gradient.dot(step);
   if (!(slope < 0.0)) return false;
-  const double before = size(best_.gradient);
+  const double before = size(best_->gradient);
   double part = 1.0;
   for (int halving = 0; halving < kMaxHalvings; ++halving, part *= 0.5) {
-    evaluate(best_.y + part * step, trial_);
-    if (!trial_.valid) continue;
-    const double rounding = 16.0 * kEps * (best_.magnitude_aj + trial_.magnitude_aj);
-    const double fall = best_.potential_aj - trial_.potential_aj;
+    evaluate(best_->y + part * step, *trial_);
+    if (!trial_->valid) continue;
+    const double rounding = 16.0 * kEps * (best_->magnitude_aj + trial_->magnitude_aj);
+    const double fall = best_->potential_aj - trial_->potential_aj;
     const bool falls = fall >= -kArmijo * part * slope && fall > rounding;
     // Where the fall drowns in rounding, the gradient decides.
     const bool drowned = std::abs(part * slope) < 4.0 * rounding || std::abs(fall) <= rounding;
-    if (falls || (drowned && fall >= -rounding && size(trial_.gradient) < before) ||
-        size(trial_.gradient) < 0.5 * tolerance) {
+    if (falls || (drowned && fall >= -rounding && size(trial_->gradient) < before) ||
+        size(trial_->gradient) < 0.5 * tolerance) {
       std::swap(best_, trial_);
       return true;
     }
@@ -336,8 +336,8 @@ bool ParticleBalance::go_over() noexcept {
   };
   bool over = false;
   for (int i = 0; i < kParticleContacts; ++i) {
-    const Equilibrium& law = best_.contacts[i].law;
-    const PotentialBranch& place = best_.contacts[i].place;
+    const Equilibrium& law = best_->contacts[i].law;
+    const PotentialBranch& place = best_->contacts[i].place;
     const bool same_bridge = !on_ground(i) || place.bridge.present == held_[i].place.bridge.present;
     if (inside(law.branch) == inside(held_[i].branch) && same_bridge) continue;
     held_[i].branch = law.branch;
@@ -345,16 +345,16 @@ bool ParticleBalance::go_over() noexcept {
     jumps_ += law.jumps;
     over = true;
   }
-  if (over) evaluate(Vec9(best_.y), best_);
+  if (over) evaluate(Vec9(best_->y), *best_);
   return over;
 }
 
 SolveStatus ParticleBalance::minimise() noexcept {
-  evaluate(Vec9(best_.y), best_);
-  if (!best_.valid) return SolveStatus::kNonFinite;
+  evaluate(Vec9(best_->y), *best_);
+  if (!best_->valid) return SolveStatus::kNonFinite;
   for (int i = 0; i < kMaxIterations; ++i) {
-    const double tolerance = tolerance_nn(best_);
-    if (size(best_.gradient) <= tolerance) return SolveStatus::kOk;
+    const double tolerance = tolerance_nn(*best_);
+    if (size(best_->gradient) <= tolerance) return SolveStatus::kOk;
     ++iterations_;
     Vec9 step;
     bool done = false;
@@ -366,7 +366,8 @@ SolveStatus ParticleBalance::minimise() noexcept {
     if (!done) done = find_step(true, step) && descend(step, tolerance);
     // Held up by the step of a potential whose branch was left on the way and which has no way back?
     if (!done && !go_over()) {
-      return size(best_.gradient) <= kStalled * best_.load_nn ? SolveStatus::kOk : SolveStatus::kNotConverged;
+      return size(best_->gradient) <= kStalled * best_->load_nn ? SolveStatus::kOk
+                                                                : SolveStatus::kNotConverged;
     }
   }
   return SolveStatus::kNotConverged;
@@ -378,7 +379,7 @@ void ParticleBalance::hold(bool first) noexcept {
     if (asleep_ && i == kParticleSample) continue;
     const ParticleContactMemory& memory = from_.contacts[i];
     Held& held = held_[i];
-    const ContactTrial& now = best_.contacts[i];
+    const ContactTrial& now = best_->contacts[i];
     if (first) {
       held.law = memory.law;
       held.branch = memory.law.branch;
@@ -417,9 +418,9 @@ bool ParticleBalance::settled() const noexcept {
   const double lever = model_.parameters.particle_radius_nm;
   for (int i = 0; i < kParticleContacts; ++i) {
     if (asleep_ && i == kParticleSample) continue;
-    const ContactTrial& now = best_.contacts[i];
+    const ContactTrial& now = best_->contacts[i];
     const Held& held = held_[i];
-    const double tolerance = kSettled * best_.load_nn;
+    const double tolerance = kSettled * best_->load_nn;
     const double friction = now.slide.force.norm() + (now.roll.force.norm() + now.spin.force.norm()) / lever;
     // On the ground it is no more than rolling friction that takes the radius as it was held.
     const double by_radius = on_ground(i) ? now.roll.force.norm() / lever : std::abs(now.law.force_nn);
@@ -435,11 +436,11 @@ bool ParticleBalance::settled() const noexcept {
 }
 
 SolveStatus ParticleBalance::solve() noexcept {
-  if (!lean(kTipSample, from_.tip_centre_w_nm, best_.contacts[kTipSample])) return SolveStatus::kNonFinite;
-  if (!asleep_ && !lean(kParticleSample, from_.particle_centre_w_nm, best_.contacts[kParticleSample]))
+  if (!lean(kTipSample, from_.tip_centre_w_nm, best_->contacts[kTipSample])) return SolveStatus::kNonFinite;
+  if (!asleep_ && !lean(kParticleSample, from_.particle_centre_w_nm, best_->contacts[kParticleSample]))
     return SolveStatus::kNonFinite;
-  best_.contacts[kTipParticle].normal_w = unit(from_.particle_centre_w_nm - from_.tip_centre_w_nm);
-  best_.contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
+  best_->contacts[kTipParticle].normal_w = unit(from_.particle_centre_w_nm - from_.tip_centre_w_nm);
+  best_->contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
   for (int pass = 0; pass < kMaxPasses; ++pass) {
     hold(pass == 0);
     const SolveStatus status = minimise();
@@ -448,14 +449,15 @@ SolveStatus ParticleBalance::solve() noexcept {
   }
   // Swinging on a rough surface: balanced with what was held, unless a contact that holds friction has ended.
   for (int i = 0; i < kParticleContacts; ++i) {
-    if (!held_[i].lost && best_.contacts[i].law.contact_radius_nm == 0.0) return SolveStatus::kNotConverged;
+    if (!held_[i].lost && best_->contacts[i].law.contact_radius_nm == 0.0) return SolveStatus::kNotConverged;
   }
   return SolveStatus::kOk;
 }
 
 double ParticleBalance::drag_loss_aj() const noexcept {
   const double lever = model_.parameters.particle_radius_nm;
-  return drag_n_m_ * (best_.y.segment<3>(3).squaredNorm() + lever * lever * best_.y.tail<3>().squaredNorm());
+  return drag_n_m_ *
+         (best_->y.segment<3>(3).squaredNorm() + lever * lever * best_->y.tail<3>().squaredNorm());
 }
 
 double ParticleBalance::friction_loss_aj() const noexcept {
@@ -466,7 +468,7 @@ double ParticleBalance::friction_loss_aj() const noexcept {
   for (int i = 0; i < kParticleContacts; ++i) {
     if (asleep_ && i == kParticleSample) continue;
     const ParticleContactMemory& memory = from_.contacts[i];
-    const ContactTrial& now = best_.contacts[i];
+    const ContactTrial& now = best_->contacts[i];
     const Held& held = held_[i];
     loss += now.slide.dissipated + now.roll.dissipated + now.spin.dissipated;
     loss += carried(memory.slide_stiffness, memory.slide_nm, held.slide.stiffness, held.slide_nm);
@@ -479,12 +481,12 @@ double ParticleBalance::friction_loss_aj() const noexcept {
 int ParticleBalance::jumps() const noexcept {
   int jumps = jumps_;
   for (int i = 0; i < kParticleContacts; ++i)
-    if (!(asleep_ && i == kParticleSample)) jumps += best_.contacts[i].law.jumps;
+    if (!(asleep_ && i == kParticleSample)) jumps += best_->contacts[i].law.jumps;
   return jumps;
 }
 
 void ParticleBalance::store(ParticleState& state) const noexcept {
-  const Vec3 u = best_.y.head<3>(), dq = best_.y.segment<3>(3), turn = best_.y.tail<3>();
+  const Vec3 u = best_->y.head<3>(), dq = best_->y.segment<3>(3), turn = best_->y.tail<3>();
   double potential = 0.0;
   for (int i = 0; i < kParticleContacts; ++i) {
     if (asleep_ && i == kParticleSample) {
@@ -492,7 +494,7 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
       continue;
     }
     ParticleContactMemory& memory = state.contacts[i];
-    const ContactTrial& now = best_.contacts[i];
+    const ContactTrial& now = best_->contacts[i];
     const Held& held = held_[i];
     memory.law = held.law;
     memory.law.branch = now.law.branch;
@@ -516,7 +518,7 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
   state.tip_force_w_nn = spring_ * u;
   state.potential_aj = potential;
   if (asleep_) return;
-  const ContactTrial& rest = best_.contacts[kParticleSample];
+  const ContactTrial& rest = best_->contacts[kParticleSample];
   state.sleep = {false,
                  rest.law,
                  rest.normal_w,

@@ -43,6 +43,8 @@ class ParticleBalance {
   /// `spring` is C⁻¹; `free_end` belongs to the tip's centre.
   ParticleBalance(const ParticleModel& model, const ParticleState& from, const Mat3& spring_n_m,
                   const Vec3& free_end_w_nm, double dt_s, bool asleep = false) noexcept;
+  ParticleBalance(const ParticleBalance&) = delete;
+  ParticleBalance& operator=(const ParticleBalance&) = delete;
 
   SolveStatus solve() noexcept;
 
@@ -66,8 +68,8 @@ class ParticleBalance {
     double stiffest_n_m = 0;  ///< sum of the contacts' stiffnesses
     std::array<ContactTrial, kParticleContacts> contacts;
   };
-  const Trial& result() const noexcept { return best_; }
-  const ContactTrial& contact(int i) const noexcept { return best_.contacts[i]; }
+  const Trial& result() const noexcept { return *best_; }
+  const ContactTrial& contact(int i) const noexcept { return best_->contacts[i]; }
   double radius_nm(int i) const noexcept { return held_[i].radius_nm; }  ///< that the law was given
   int iterations() const noexcept { return iterations_; }
   int jumps() const noexcept;
@@ -117,7 +119,8 @@ class ParticleBalance {
   double drag_n_m_;
   double floor_nn_ = 0;
   std::array<Held, kParticleContacts> held_;
-  Trial best_, trial_;
+  Trial trials_[2];
+  Trial *best_ = &trials_[0], *trial_ = &trials_[1];  // exchanged, not copied: a trial is some kB
   int iterations_ = 0;
   int jumps_ = 0;
   bool unstable_ = false;
