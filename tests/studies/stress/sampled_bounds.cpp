@@ -46,7 +46,8 @@ std::vector<SampledRate> sampled_rates(const std::vector<Row>& rows) {
   for (const auto& [key, c] : counts) {
     const auto& [method, feature, value] = key;
     rates.push_back({static_cast<control::Method>(method), feature, value, c.runs, c.broken,
-                     binomial_lower(c.broken, c.runs, kEachSide), binomial_upper(c.broken, c.runs, kEachSide)});
+                     binomial_lower(c.broken, c.runs, kEachSide),
+                     binomial_upper(c.broken, c.runs, kEachSide)});
   }
   return rates;
 }

@@ -213,10 +213,11 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
       "force from the hand's port and "
       "is allowed none of it. The rate is the upper bound of Clopper and Pearson: what so many independent "
       "runs would show at 95 %. ";
-  html += options.sample
-              ? "These runs are independent draws, so it is a bound of a probability, for such draws.</p>\n"
-              : "The runs of a profile are a grid, chosen and not drawn, so it says how many they are, and is "
-                "no bound of a probability; <code>--sample</code> draws.</p>\n";
+  html +=
+      options.sample
+          ? "These runs are independent draws, so it is a bound of a probability, for such draws.</p>\n"
+          : "The runs of a profile are a grid, chosen and not drawn, so it says how many they are, and is "
+            "no bound of a probability; <code>--sample</code> draws.</p>\n";
   if (options.sample)
     html +=
         "<h2>Rates</h2>\n<p>Runs that broke a promise, over all and in each kind of run, with the bounds of "
