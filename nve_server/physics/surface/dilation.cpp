@@ -21,6 +21,10 @@ constexpr double kParaboloidFrom = 1.0 / 20.0;
 constexpr double kRoom = 600.0;
 constexpr double kLeastSum = 1e-280;
 constexpr int kLeastPart = 8;
+// A foot nearer than 0.6 R: there the paraboloid is above the ball by less than R/60, a third of the least t.
+constexpr double kFarFoot = 0.6;
+// What the ball's cosine may be more by; on planes of 45 degrees it is at most 0.03.
+constexpr double kFlatter = 0.1;
 
 int floor_div(int a, int b) {
   return a >= 0 ? a / b : -((b - 1 - a) / b);
@@ -72,7 +76,10 @@ struct Dilation::Window {
 };
 
 double Dilation::profile_at(double r2) const noexcept {
-  if (paraboloid_) return -0.5 * r2 / radius_;
+  return paraboloid_ ? -0.5 * r2 / radius_ : ball_profile_at(r2);
+}
+
+double Dilation::ball_profile_at(double r2) const noexcept {
   const double q2 = radius_ * radius_ - r2;
   const double cone_q = kConeCosine * radius_;
   if (q2 > cone_q * cone_q) return -r2 / (radius_ + std::sqrt(q2));
@@ -395,7 +402,7 @@ Dilation::Sums Dilation::sum_slowly(const Window& window, int i, int j, double& 
   return sums;
 }
 
-DilatedNode Dilation::fields_of(const Sums& sums, double reference) const {
+DilatedNode Dilation::fields_of(const Sums& sums, double reference, bool paraboloid) const {
   const double mean_phi = sums.phi / sums.s;
   const double mean = sums.moment / sums.s;
   const double moment = mean + (sums.moment_phi / sums.s - mean * mean_phi) / t_;  // led to t = 0
@@ -404,7 +411,7 @@ DilatedNode Dilation::fields_of(const Sums& sums, double reference) const {
   // e^{−H/t} with H above the reference; the area of a sub-sample in S. Of a paraboloid S = 2πR t e^{H/t}
   // on every plane, without c.
   const double log_s = det_log(sums.s * dx_ * dy_ / (kTwoPi * t_)) - above / t_;
-  if (paraboloid_) {
+  if (paraboloid) {
     const double s2 = std::clamp(moment / (radius_ * radius_), 0.0, 1.0 / (kConeCosine * kConeCosine) - 1.0);
     const double secant = std::sqrt(1.0 + s2);
     node.cosine = 1.0 / secant;
@@ -417,6 +424,48 @@ DilatedNode Dilation::fields_of(const Sums& sums, double reference) const {
     node.log_radius = log_s - det_log(node.cosine);
   }
   return node;
+}
+
+// What the ball itself feels, where the paraboloid has met what the ball cannot reach.
+DilatedNode Dilation::within_ball(const Window& window, int i, int j, const DilatedNode& node) const {
+  const int m = lattice_.m;
+  const int from_x = window.first_block_x * kBlock, from_y = window.first_block_y * kBlock;
+  const int far = reach_ * kBlock;
+  const auto each = [&](const auto& use) {
+    for (int dy = -far; dy <= far; ++dy) {
+      const int y = j * m + dy - from_y;
+      for (int dx = -far; dx <= far; ++dx) {
+        const int x = i * m + dx - from_x;
+        const std::size_t block =
+            static_cast<std::size_t>(y / kBlock) * static_cast<std::size_t>(window.blocks_x) +
+            static_cast<std::size_t>(x / kBlock);
+        const double across = dx * dx_, along = dy * dy_;
+        use(window.height[16 * block + static_cast<std::size_t>(y % kBlock * kBlock + x % kBlock)],
+            ball_profile_at(across * across + along * along));
+      }
+    }
+  };
+  double highest = -INFINITY;
+  each([&](double height, double psi) { highest = std::max(highest, height + psi); });
+  Sums sums;
+  each([&](double height, double psi) {
+    const double f = height + psi - highest;
+    if (f < -kLeftOut * t_) return;
+    const double n_z = std::max(1.0 + psi / radius_, kConeCosine);
+    const double p = det_exp(f / t_) / n_z;
+    sums.s += p;
+    sums.phi += p * f;
+    sums.moment += p * n_z;
+    sums.moment_phi += p * n_z * f;
+  });
+  const DilatedNode ball = fields_of(sums, window.reference + highest, false);
+  const double apart = std::fabs(node.height_nm - window.reference - highest) / t_ - 1.0;
+  const double flatter = (ball.cosine - node.cosine) / kFlatter - 1.0;
+  const double x = std::clamp(std::max(apart, flatter), 0.0, 1.0);
+  const double part = x * x * (3.0 - 2.0 * x);
+  const auto mixed = [part](double a, double b) { return a + part * (b - a); };
+  return {mixed(node.height_nm, ball.height_nm), mixed(node.log_radius, ball.log_radius),
+          mixed(node.cosine, ball.cosine)};
 }
 
 void Dilation::make_tile(int tile_column, int tile_row, std::vector<DilatedNode>& nodes) const {
@@ -467,8 +516,10 @@ void Dilation::make_part(const Nodes& part, const Nodes& wanted, DilatedNode* no
       double reference = window.reference;
       Sums sums = sum_node(window, i, j, pairs);
       if (!(sums.s > kLeastSum)) sums = sum_slowly(window, i, j, reference);
-      nodes[static_cast<std::ptrdiff_t>(j - wanted.j0) * wanted.nx + (i - wanted.i0)] =
-          fields_of(sums, reference);
+      DilatedNode node = fields_of(sums, reference, paraboloid_);
+      if (paraboloid_ && 1.0 - node.cosine * node.cosine > kFarFoot * kFarFoot * node.cosine * node.cosine)
+        node = within_ball(window, i, j, node);
+      nodes[static_cast<std::ptrdiff_t>(j - wanted.j0) * wanted.nx + (i - wanted.i0)] = node;
     }
   }
 }

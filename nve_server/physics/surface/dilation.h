@@ -29,6 +29,12 @@ namespace telenano::physics {
 ///           taken. On a plane of slope s its H is R s²/2: s² = (⟨r²⟩ + cov(r², φ)/t)/R² (again led to t = 0)
 ///           puts it right, H − R s²/2 + R(1/c − 1), c = 1/√(1 + s²): planes stay exact, on curved slopes the
 ///           foot is that of the paraboloid.
+/// Walls     A paraboloid is wider than its ball: it meets a wall of height R at √2 R from the axis, and what puts
+///           its H right is then wrong by as much as the wall is high. With D = max φ of the ball, 0, 1 or 2
+///           directions in which φ falls off from there and a peak at worst, the ball's H is within t of D.
+///           Where the paraboloid's is not, by x in units of t, or its cosine is less than the ball's by more
+///           than kFlatter (1 + x), the node goes over to the sums of the ball itself, by 3x² − 2x³ up to x =
+///           1. It is looked at where the slope that is felt is above kFarFoot.
 /// Sums      over sub-samples of the height spline, midpoint rule in two dimensions: its error is 2 exp(−2π²
 ///           R_f t/s²) or so, R_f the foot's radius along the line (R c³ up a slope). What adds less than
 ///           e^{−25} of the largest term is left out.
@@ -115,7 +121,9 @@ class Dilation {
   static void sum_four(const Pair* pairs, std::size_t count, Sums& sums) noexcept;
   Sums sum_node(const Window& window, int i, int j, std::vector<Pair>& pairs) const;
   Sums sum_slowly(const Window& window, int i, int j, double& reference) const;
-  DilatedNode fields_of(const Sums& sums, double reference) const;
+  DilatedNode fields_of(const Sums& sums, double reference, bool paraboloid) const;
+  DilatedNode within_ball(const Window& window, int i, int j, const DilatedNode& node) const;
+  double ball_profile_at(double r2) const noexcept;
   double profile_at(double r2) const noexcept;
   void weight_at(double psi, double& weight, double& moment) const noexcept;
 

@@ -227,6 +227,31 @@ TEST(Dilation, TheSameBitsInWhateverRegisters) {
   }
 }
 
+// Beside a wall of twice the radius the ball of 20 nm does not reach what is further away than 22 nm (the cone
+// below its rim: 40 nm at 4.9 nm a nm), and stands on level ground, H = 0, R_eff = R. The paraboloid meets the
+// wall 35 nm away, which is 15 to 25 nm of H. What is left: the exponential tail of wall and rim, e^−(gap/t), and
+// up to t where both kernels are mixed.
+TEST(Dilation, AWallThatTheBallDoesNotReachIsNotThere) {
+  for (const double away : {25.0, 28.0, 31.0, 34.0}) {
+    for (const double t : {1.2, 1.44, 2.88, 5.0}) {
+      SCOPED_TRACE("wall " + std::to_string(away) + " nm away, t = " + std::to_string(t));
+      constexpr double kHeight = 40, kEdge = 1.5, kMiddle = 80;
+      const auto ground = [&](double x, double) {
+        const double u = std::clamp((x - kMiddle - away) / kEdge + 0.5, 0.0, 1.0);
+        return kHeight * u * u * (3 - 2 * u);
+      };
+      const Middle middle = middle_of(sampled(321, 0.5, ground), t);
+      ASSERT_LT(std::fabs(middle.x - kMiddle), 3.5);
+      // The wall is that much nearer: the reach of the hard ball stays below 22 nm.
+      if (away - (middle.x - kMiddle) < 22.5) continue;
+      EXPECT_LT(middle.node.height_nm, 1.0 * t);
+      EXPECT_GT(middle.node.height_nm, -0.1 * t);
+      EXPECT_GT(middle.node.cosine, 0.8);
+      EXPECT_NEAR(middle.node.log_radius, std::log(kRadius), 0.5);
+    }
+  }
+}
+
 TEST(Dilation, RefusesWhatIsNoTip) {
   const HeightGrid grid = random_grid(1);
   const SofteningRule rule;
