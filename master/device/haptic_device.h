@@ -60,6 +60,8 @@ class HapticDevice {
   /// So much time has passed since the last call; called once a tick, before read(). For devices whose hand
   /// is simulated, replayed or integrated from velocities.
   virtual void advance(std::int64_t dt_ns) noexcept { static_cast<void>(dt_ns); }
+  /// The newest that the device has said. Nobody reads between opening and the first tick, for a second and more:
+  /// what a device has sent meanwhile must be skipped, or the hand seems to leap.
   virtual void read(DeviceReading& reading) noexcept = 0;
   /// Commands the force on the hand, held until the next call. Returns what is really applied (after
   /// saturation and command quantisation): that is what the energy observer must count.

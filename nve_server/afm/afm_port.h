@@ -26,7 +26,9 @@ enum class AfmOp : std::uint8_t {
   kRead,      ///< -> kSignals, averaged over one period of force_rate_hz
   kMoveZ,     ///< {height}; while the feedback is off -> kDone
   kMoveXy,    ///< {x, y} -> kDone
-  kFeedback,  ///< {1 on: the tip goes to the surface and stays there; 0 off: it is lifted, then stands still}
+  kFeedback,  ///< {1 on: the tip goes to the surface and stays there; 0 off: it is lifted, then stands still}.
+  ///< Where the controller does not lift by itself, the adapter does so in answers to kAskFeedback,
+  ///< and says 0 when the tip is up
   kAskFeedback,  ///< -> kFeedback
   kAskHeight,    ///< -> kHeight
   kAskStatus,    ///< -> kStatus
@@ -35,7 +37,7 @@ enum class AfmOp : std::uint8_t {
   kAskHeld,      ///< {i}: what the start found or set is still so: `unfit` where not -> kDone
   kFloor,        ///< {height}: no command goes below it. Only with AfmCapabilities::z_limits -> kDone
   kWithdraw,     ///< as far up as it goes, feedback off -> kDone, at once, or when it is up
-  kStop          ///< any motion across -> kDone
+  kStop          ///< any motion across -> kDone. Where there is no such command: a move to where the tip is
 };
 
 struct AfmCommand {

@@ -143,7 +143,12 @@ class Suite {
     surface_nm_ = device_.height_nm();
     number(Role::kMotion, {AfmOp::kFeedback, {0}}, ReadingKind::kDone);
     for (int i = 0; i < 200; ++i) {
-      if (number(Role::kMotion, {AfmOp::kAskFeedback}, ReadingKind::kFeedback) == 0) return calm >= 4;
+      if (number(Role::kMotion, {AfmOp::kAskFeedback}, ReadingKind::kFeedback) == 0) {
+        // What the approach asks too: a tip that stays where it pressed is no zero of the force.
+        want(device_.height_nm() - surface_nm_ >= 0.5 * config_.lift_nm, "the feedback is off, and the lift",
+             device_.height_nm() - surface_nm_, config_.lift_nm);
+        return calm >= 4;
+      }
       wait(0.005);
     }
     fault("the feedback does not go off");

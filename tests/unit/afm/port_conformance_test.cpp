@@ -60,7 +60,7 @@ class SimDevice final : public PortDevice {
   mutable Vec3 across_;
 };
 
-enum class Mutant : std::uint8_t { kNone, kSwappedSign, kStaleReading, kNoWithdrawal };
+enum class Mutant : std::uint8_t { kNone, kSwappedSign, kStaleReading, kNoWithdrawal, kNoLift };
 
 constexpr double kRangeUm = 2, kTopUm = 0.9;
 constexpr double kCountsPerNm = 20;  // its deflection: a count of the converter is 0.05 nm
@@ -100,7 +100,7 @@ class ScriptedDevice final : public PortDevice {
     } else if (what == "loop?") {
       std::snprintf(text, sizeof text, "loop %d\n", feedback_ ? 1 : 0);
     } else if (what == "loop") {
-      if (feedback_ && a == 0) height_nm_ += 25;
+      if (feedback_ && a == 0 && line.str().find("stay") == std::string::npos) height_nm_ += 25;
       feedback_ = a != 0;
     } else if (what == "setpoint?") {
       std::snprintf(text, sizeof text, "setpoint %g\n", kCountsPerNm * (15.0 / 40 + 1));
@@ -235,7 +235,7 @@ class ScriptedAdapter final : public AfmPort {
                       1e-3 * command.numbers[1]);
         return text;
       case AfmOp::kFeedback:
-        return command.numbers[0] != 0 ? "loop 1" : "loop 0";
+        return command.numbers[0] != 0 ? "loop 1" : mutant_ == Mutant::kNoLift ? "loop 0 stay" : "loop 0";
       case AfmOp::kAskFeedback:
       case AfmOp::kAskStatus:
         return "loop?";
@@ -287,7 +287,7 @@ TEST(PortConformance, AScriptedControllerOfAnotherUnitSignAndRate) {
   EXPECT_TRUE(faults.empty()) << lines(faults);
 }
 
-TEST(PortConformance, FindsASwappedSignAStaleReadingAndAWithdrawalThatIsNone) {
+TEST(PortConformance, FindsASwappedSignAStaleReadingAndAWithdrawalOrLiftThatIsNone) {
   const auto has = [](Mutant mutant, const std::string& what) {
     const std::string all = lines(scripted_faults(mutant));
     EXPECT_NE(all.find(what), std::string::npos) << "mutant " << static_cast<int>(mutant) << ":\n" << all;
@@ -295,6 +295,7 @@ TEST(PortConformance, FindsASwappedSignAStaleReadingAndAWithdrawalThatIsNone) {
   has(Mutant::kSwappedSign, "a move down by 5 nm");
   has(Mutant::kStaleReading, "the bending after a step down");
   has(Mutant::kNoWithdrawal, "withdrawn");
+  has(Mutant::kNoLift, "the feedback is off, and the lift");
 }
 
 /// The whole logic on the scripted controller: nothing above the port knows which one it is.
