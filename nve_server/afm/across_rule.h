@@ -86,7 +86,8 @@ class AcrossRule {
 ///
 /// Where nobody knows: of a wall that faces along the lever the tip feels at most K times the way that its base
 /// has come along since there was no wall: since it was higher than any ground. So near the ground
-/// the base stays within P/K of there (way_nm). That needs no reading, and holds for any height of a step.
+/// the base stays within half of P/K of there (way_nm). That needs no reading, and holds for any height of a
+/// step. The other half is for what the wall pushed with already, and for drift along, K times its way.
 class AlongRule {
  public:
   struct Limits {
@@ -99,7 +100,7 @@ class AlongRule {
 
   bool slope_known() const noexcept { return limits_.slope > 0; }
   /// How far along the base may go near the ground where no slope is known.
-  double way_nm() const noexcept { return AcrossRule::kAcrossPart * most_nn() / limits_.across_n_m; }
+  double way_nm() const noexcept { return kWayPart * most_nn() / limits_.across_n_m; }
   /// What may be read of the force down; without end where no slope is known. Negative where what adhesion pulls
   /// is already too much: then the tip must not touch.
   double force_down_nn(double adhesion_nn) const noexcept;
@@ -108,6 +109,7 @@ class AlongRule {
   double allowed_nm(double at_nm, double move_nm, double from_nm) const noexcept;
 
  private:
+  static constexpr double kWayPart = 0.5;
   double most_nn() const noexcept { return AcrossRule::kPart * limits_.lateral_max_nn; }
 
   Limits limits_;

@@ -769,7 +769,7 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
   const Finished user =
       run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
                   {}, 4 * kLong);
-  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
   const std::vector<std::string> lines = lines_of(user.out);
   const auto clicks = std::count(lines.begin(), lines.end(), "click");
   EXPECT_GE(clicks, 3);

@@ -127,10 +127,10 @@ TEST(AlongRule, NoBodiesThatAreNoSteeperPushHarderThanAllowed) {
 
 TEST(AlongRule, WithoutASlopeTheBaseStaysWhereItCameDownAndMayAlwaysGoBack) {
   const AlongRule rule({kAcross, kLimit, 0, 0.4});
-  EXPECT_NEAR(kAcross * rule.way_nm(), 0.6 * kLimit, 1e-9);
-  EXPECT_NEAR(rule.allowed_nm(5, 2, 5), 0.3, 1e-12);
-  EXPECT_NEAR(rule.allowed_nm(5.3, 2, 5), 0, 1e-12);
-  EXPECT_NEAR(rule.allowed_nm(5, -2, 5), -0.3, 1e-12);
+  EXPECT_NEAR(kAcross * rule.way_nm(), 0.4 * kLimit, 1e-9);
+  EXPECT_NEAR(rule.allowed_nm(5, 2, 5), 0.2, 1e-12);
+  EXPECT_NEAR(rule.allowed_nm(5.2, 2, 5), 0, 1e-12);
+  EXPECT_NEAR(rule.allowed_nm(5, -2, 5), -0.2, 1e-12);
   EXPECT_EQ(rule.allowed_nm(9, 2, 5), 0) << "beyond, as when the ground was found to be higher";
   EXPECT_EQ(rule.allowed_nm(9, -2, 5), -2);
   EXPECT_TRUE(std::isinf(rule.force_down_nn(30)));

@@ -437,7 +437,7 @@ TEST(AfmHazards, AlongTheLeverNothingIsMetWhereNoSlopeIsKnown) {
           EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
           EXPECT_TRUE(b.afm->logic().state().held_by_force);
           EXPECT_NE(b.afm->logic().news().find("held along the lever"), std::string::npos);
-          EXPECT_NEAR(side * b.afm->logic().state().base_w_nm.y(), from_nm, 0.3 + 1e-9);
+          EXPECT_NEAR(side * b.afm->logic().state().base_w_nm.y(), from_nm, 0.2 + 1e-9);
           // High enough above the ground it is led.
           b.follow(Vec3(0, side * 140, 55));
           b.run(2000);
