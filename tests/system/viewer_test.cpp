@@ -756,7 +756,10 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
          // A recording to look into, by key, since where its box stands depends on the devices that are here.
          "xdotool key Up key space; see 'Telenano: start, sim, recording'\n"
          // The mouse as hand; Start.
-         "click 323 170; see 'Telenano: start, mouse'; click 300 764\n"
+         "click 323 170; see 'Telenano: start, mouse'\n"
+         // As a person does: again, where nothing has come of it for a quarter of a minute.
+         "for n in 1 2 3; do click 300 764; for i in $(seq 60); do\n"
+         "xdotool search --name 'Telenano: start' >/dev/null || break 2; sleep 0.25; done; done\n"
          "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'\n"
          "lead 'above \"$(told force)\" 1' 150 4\n"
          "press_until p '[ -s telenano-1.png ]'\n"
