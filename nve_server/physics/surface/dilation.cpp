@@ -21,8 +21,8 @@ constexpr double kParaboloidFrom = 1.0 / 20.0;
 constexpr double kRoom = 600.0;
 constexpr double kLeastSum = 1e-280;
 constexpr int kLeastPart = 8;
-// A foot nearer than 0.6 R: there the paraboloid is above the ball by less than R/60, a third of the least t.
-constexpr double kFarFoot = 0.6;
+// A foot nearer than 0.9 R is the ball's own; real scans have few beyond, so that looking costs them little.
+constexpr double kFarFoot = 0.9;
 // What the ball's cosine may be more by; on planes of 45 degrees it is at most 0.03.
 constexpr double kFlatter = 0.1;
 
