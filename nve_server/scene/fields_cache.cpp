@@ -100,7 +100,7 @@ class Checksum {
 
 /// All that the fields depend on, to the bit.
 Words key_of(const HeightGrid& grid, double radius, const SofteningRule& rule,
-             const std::vector<double>& fixed) {
+             const std::vector<double>& fixed, const physics::RetractionKernel* pull_off) {
   Words key = {ScanFields::kVersion, static_cast<std::uint64_t>(grid.columns),
                static_cast<std::uint64_t>(grid.rows)};
   for (const double value :
@@ -108,6 +108,7 @@ Words key_of(const HeightGrid& grid, double radius, const SofteningRule& rule,
         rule.pressed_growth, rule.gap_growth, rule.dead_zone_nm, rule.pressed_onset_nm}) {
     key.push_back(std::bit_cast<std::uint64_t>(value));
   }
+  key.push_back(pull_off != nullptr ? pull_off->hash() : 0);
   key.push_back(fixed.size());
   for (const double t : fixed) key.push_back(std::bit_cast<std::uint64_t>(t));
   for (const double z : grid.z_nm) key.push_back(std::bit_cast<std::uint64_t>(z));
@@ -151,13 +152,15 @@ std::string users_fields_cache() {
 }
 
 std::string FieldsCache::path(const HeightGrid& grid, double radius, const SofteningRule& rule,
-                              const std::vector<double>& fixed) const {
-  return folder_ + "/" + name_of(key_of(grid, radius, rule, fixed));
+                              const std::vector<double>& fixed,
+                              const physics::RetractionKernel* pull_off) const {
+  return folder_ + "/" + name_of(key_of(grid, radius, rule, fixed, pull_off));
 }
 
 std::optional<ScanFields> FieldsCache::find(const HeightGrid& grid, double radius, const SofteningRule& rule,
-                                            const std::vector<double>& fixed) const {
-  const Words key = key_of(grid, radius, rule, fixed);
+                                            const std::vector<double>& fixed,
+                                            const physics::RetractionKernel* pull_off) const {
+  const Words key = key_of(grid, radius, rule, fixed, pull_off);
   const File file(
       ::open((folder_ + "/" + name_of(key)).c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK));
   if (!file) return {};
@@ -223,10 +226,11 @@ void FieldsCache::make_room(std::uint64_t bytes) const {
 }
 
 bool FieldsCache::keep(const HeightGrid& grid, double radius, const SofteningRule& rule,
-                       const std::vector<double>& fixed, const ScanFields& fields) const noexcept {
+                       const std::vector<double>& fixed, const ScanFields& fields,
+                       const physics::RetractionKernel* pull_off) const noexcept {
   std::string beside;
   try {
-    const Words key = key_of(grid, radius, rule, fixed);
+    const Words key = key_of(grid, radius, rule, fixed, pull_off);
     const std::vector<std::span<const double>> coefficients = fields.coefficients();
     const Words head = {kMagic, key.size(), coefficients.size()};
     Words counts;

@@ -34,15 +34,18 @@ class FieldsCache {
 
   std::optional<physics::ScanFields> find(const physics::HeightGrid& grid, double tip_radius_nm,
                                           const physics::SofteningRule& rule,
-                                          const std::vector<double>& fixed_softenings_nm = {}) const;
+                                          const std::vector<double>& fixed_softenings_nm = {},
+                                          const physics::RetractionKernel* pull_off = nullptr) const;
   /// False if it could not be kept (no room, no right): nothing is lost but time. No throw.
   bool keep(const physics::HeightGrid& grid, double tip_radius_nm, const physics::SofteningRule& rule,
-            const std::vector<double>& fixed_softenings_nm, const physics::ScanFields& fields) const noexcept;
+            const std::vector<double>& fixed_softenings_nm, const physics::ScanFields& fields,
+            const physics::RetractionKernel* pull_off = nullptr) const noexcept;
 
   const std::string& folder() const noexcept { return folder_; }
   /// Of the file for these fields.
   std::string path(const physics::HeightGrid& grid, double tip_radius_nm, const physics::SofteningRule& rule,
-                   const std::vector<double>& fixed_softenings_nm = {}) const;
+                   const std::vector<double>& fixed_softenings_nm = {},
+                   const physics::RetractionKernel* pull_off = nullptr) const;
 
  private:
   void make_room(std::uint64_t bytes) const;

@@ -8,6 +8,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/potential/retraction.h"
 #include "telenano/nve_server/physics/surface/flat_surface.h"
 #include "telenano/nve_server/physics/surface/plane_surface.h"
 #include "telenano/nve_server/physics/surface/sampled_shapes.h"
@@ -220,14 +221,16 @@ class FieldsOfGrid {
     std::vector<double> fixed_nm;
     if (law.bridge().active()) fixed_nm.push_back(law.bridge().softening_nm());
     const physics::SofteningRule rule = softening_of(sphere);
+    const auto pull_off =
+        std::make_shared<const physics::RetractionKernel>(physics::retraction_kernel(law, sphere.radius_nm));
     if (physics::ScanFields::is_large(grid_, sphere.radius_nm, rule)) {
       ground_.fields_from_cache = false;
       auto tiles = std::make_shared<physics::ScanFields>(physics::ScanFields::by_tiles(
-          grid_, {surface_, &surface_->spline()}, sphere.radius_nm, rule, fixed_nm));
+          grid_, {surface_, &surface_->spline()}, sphere.radius_nm, rule, fixed_nm, pull_off));
       scene_.tiles_ahead.push_back(std::make_shared<TilesAhead>(tiles));
       return tiles;
     }
-    auto fields = std::make_shared<physics::ScanFields>(made(sphere.radius_nm, rule, fixed_nm));
+    auto fields = std::make_shared<physics::ScanFields>(made(sphere.radius_nm, rule, fixed_nm, pull_off));
     ground_.fields_bytes += fields->bytes();
     done_ += 1.0;
     return fields;
@@ -235,15 +238,17 @@ class FieldsOfGrid {
 
  private:
   physics::ScanFields made(double radius, const physics::SofteningRule& rule,
-                           const std::vector<double>& fixed_nm) {
+                           const std::vector<double>& fixed_nm,
+                           const std::shared_ptr<const physics::RetractionKernel>& pull_off) {
     std::function<void(double)> progress;
     if (loading_.progress) progress = [this](double part) { loading_.progress((done_ + part) / sets_); };
-    if (loading_.fields_cache.empty()) return physics::ScanFields(grid_, radius, rule, fixed_nm, progress);
+    if (loading_.fields_cache.empty())
+      return physics::ScanFields(grid_, radius, rule, fixed_nm, progress, pull_off);
     const FieldsCache cache(loading_.fields_cache);
-    if (auto kept = cache.find(grid_, radius, rule, fixed_nm)) return std::move(*kept);
+    if (auto kept = cache.find(grid_, radius, rule, fixed_nm, pull_off.get())) return std::move(*kept);
     ground_.fields_from_cache = false;
-    physics::ScanFields fields(grid_, radius, rule, fixed_nm, progress);
-    cache.keep(grid_, radius, rule, fixed_nm, fields);
+    physics::ScanFields fields(grid_, radius, rule, fixed_nm, progress, pull_off);
+    cache.keep(grid_, radius, rule, fixed_nm, fields, pull_off.get());
     return fields;
   }
 

@@ -99,12 +99,13 @@ void Dilation::weight_at(double psi, double& weight, double& moment) const noexc
 }
 
 Dilation::Dilation(const BicubicSpline& height, const DilationLattice& lattice, double tip_radius_nm,
-                   double softening_nm, double relief_nm, Lanes lanes)
+                   double softening_nm, double relief_nm, Lanes lanes, const RetractionKernel* kernel)
     : height_(&height),
       lattice_(lattice),
       radius_(tip_radius_nm),
       t_(softening_nm),
       lanes_(lanes),
+      pull_off_(kernel != nullptr && kernel->active() ? kernel : nullptr),
       level_(relief_nm == 0.0),
       paraboloid_(softening_nm > kParaboloidFrom * tip_radius_nm),
       dx_(lattice.node_dx_nm / lattice.m),
@@ -426,6 +427,48 @@ DilatedNode Dilation::fields_of(const Sums& sums, double reference, bool parabol
   return node;
 }
 
+// The tip's areas by their normal depth below the top, each shared by the two bins beside it.
+double Dilation::pull_off_rise(const std::vector<Pair>& pairs, double height, const DilatedNode& node) const {
+  constexpr int kBins = RetractionKernel::kBins;
+  alignas(16) float areas[kBins] = {};
+  const double per_nm = node.cosine / pull_off_->bin_nm();
+  const __m128 scale = _mm_set1_ps(static_cast<float>(per_nm));
+  const __m128 top = _mm_set1_ps(static_cast<float>(height * per_nm + RetractionKernel::kBinsAbove));
+  const __m128 last = _mm_set1_ps(kBins - 1);
+  const __m128 area = _mm_set1_ps(static_cast<float>(dx_ * dy_));
+  const __m128 one = _mm_set1_ps(1.0F);
+  const __m128 per_radius = _mm_set1_ps(static_cast<float>(paraboloid_ ? 0.0 : 1.0 / radius_));
+  const __m128 least_cosine = _mm_set1_ps(static_cast<float>(kConeCosine));
+  const auto floats = [](const double* four) {
+    return _mm_movelh_ps(_mm_cvtpd_ps(_mm_loadu_pd(four)), _mm_cvtpd_ps(_mm_loadu_pd(four + 2)));
+  };
+  for (const Pair& pair : pairs) {
+    for (int k = 0; k < kBlock * kBlock; k += 4) {
+      const __m128 psi = floats(pair.kernel->profile + k);
+      const __m128 phi = _mm_add_ps(floats(pair.height + k), psi);
+      const __m128 at = _mm_max_ps(_mm_sub_ps(top, _mm_mul_ps(phi, scale)), _mm_setzero_ps());
+      auto in = static_cast<unsigned>(_mm_movemask_ps(_mm_cmplt_ps(at, last)));
+      if (in == 0) continue;
+      // The tip's own area: R/q of what lies below it (weight_at).
+      const __m128 cosine = _mm_max_ps(_mm_add_ps(one, _mm_mul_ps(psi, per_radius)), least_cosine);
+      const __m128 here = _mm_div_ps(area, cosine);
+      const __m128i bins = _mm_cvttps_epi32(at);
+      const __m128 beyond = _mm_mul_ps(here, _mm_sub_ps(at, _mm_cvtepi32_ps(bins)));
+      alignas(16) int bin[4];
+      alignas(16) float less[4], more[4];
+      _mm_store_si128(reinterpret_cast<__m128i*>(bin), bins);
+      _mm_store_ps(less, _mm_sub_ps(here, beyond));
+      _mm_store_ps(more, beyond);
+      for (; in != 0; in &= in - 1) {
+        const int lane = std::countr_zero(in);
+        areas[bin[lane]] += less[lane];
+        areas[bin[lane] + 1] += more[lane];
+      }
+    }
+  }
+  return pull_off_->log_rise(areas, node.log_radius);
+}
+
 // What the ball itself feels, where the paraboloid has met what the ball cannot reach.
 DilatedNode Dilation::within_ball(const Window& window, int i, int j, const DilatedNode& node) const {
   const int m = lattice_.m;
@@ -519,6 +562,8 @@ void Dilation::make_part(const Nodes& part, const Nodes& wanted, DilatedNode* no
       DilatedNode node = fields_of(sums, reference, paraboloid_);
       if (paraboloid_ && 1.0 - node.cosine * node.cosine > kFarFoot * kFarFoot * node.cosine * node.cosine)
         node = within_ball(window, i, j, node);
+      if (pull_off_ != nullptr)
+        node.log_radius += pull_off_rise(pairs, node.height_nm - window.reference, node);
       nodes[static_cast<std::ptrdiff_t>(j - wanted.j0) * wanted.nx + (i - wanted.i0)] = node;
     }
   }

@@ -63,6 +63,8 @@ struct FieldMark {
 ///           all had been made at once, in whatever order. Who looks where nothing is made yet makes it, or
 ///           waits for another thread that is at it (some 10 ms): the one case in which a step allocates and
 ///           waits. A thread of its own, make_wished(), is ahead of those who move on.
+/// Pull-off  With a kernel ρ of the finest level is the radius whose pull-off is that of all that the tip feels
+///           there (retraction_kernel.h): several feet, or one that is no paraboloid.
 /// Radius    ρ is at most ln(kMostRadii R): a pit that fits the tip better is felt as that.
 /// Marks     press() changes coefficients, which belong to the session: a copy shares what was made, and has
 ///           tiles of kTile × kTile coefficients of its own where it has been pressed. Memory for them is
@@ -72,15 +74,18 @@ class ScanFields final : public ContactFields {
  public:
   /// Needs at least 2×2 finite samples, positive spacing, radius and softenings; UserError. For each of the
   /// `fixed_softenings_nm` at_softening() has a layer made at just that length: exact, and one stencil.
-  /// `made`, if given, hears now and then which part of the work is done, from 0 to 1.
+  /// `made`, if given, hears now and then which part of the work is done, from 0 to 1. `pull_off`: see above;
+  /// null: ρ is that of the feet's curvatures.
   ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
              const std::vector<double>& fixed_softenings_nm = {},
-             const std::function<void(double)>& made = {});
+             const std::function<void(double)>& made = {},
+             std::shared_ptr<const RetractionKernel> pull_off = {});
 
   /// The same of a grid whose spline is made already, by tiles.
   static ScanFields by_tiles(const HeightGrid& grid, std::shared_ptr<const BicubicSpline> height,
                              double tip_radius_nm, const SofteningRule& rule,
-                             const std::vector<double>& fixed_softenings_nm = {});
+                             const std::vector<double>& fixed_softenings_nm = {},
+                             std::shared_ptr<const RetractionKernel> pull_off = {});
   /// Would all at once take a minute and gigabytes?
   static bool is_large(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule) noexcept;
   bool tiled() const noexcept { return tiles_ != nullptr; }
@@ -96,7 +101,7 @@ class ScanFields final : public ContactFields {
   /// grid and layer, valid for the version that made them. None where these coefficients cannot be such:
   /// their number, a value that is no number, a height, radius or cosine that no ground of this relief has.
   /// Whether they are of this ground only who kept them can know.
-  static constexpr std::uint32_t kVersion = 4;
+  static constexpr std::uint32_t kVersion = 5;
   std::vector<std::span<const double>> coefficients() const;  ///< by tiles: makes them all
   static std::optional<ScanFields> restored(const HeightGrid& grid, double tip_radius_nm,
                                             const SofteningRule& rule,

@@ -83,7 +83,8 @@ bool ScanFields::is_large(const HeightGrid& grid, double tip_radius_nm, const So
 
 ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
                        const std::vector<double>& fixed_softenings_nm,
-                       const std::function<void(double)>& made)
+                       const std::function<void(double)>& made,
+                       std::shared_ptr<const RetractionKernel> pull_off)
     : rule_(rule), radius_(tip_radius_nm) {
   checked(grid, tip_radius_nm, rule);
   const BicubicSpline height = BicubicSpline::interpolating(grid);
@@ -93,17 +94,17 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
   const double most_log_radius = det_log(kMostRadii * radius_);
   for (const Grid& fields : grids_) all += 2.0 * fields.columns * fields.rows;
   for (const Layer& layer : layers_) all += static_cast<double>(layer.grid.columns) * layer.grid.rows;
-  const auto fill = [&](Grid& fields, int lane, double t) {
+  const auto fill = [&](Grid& fields, int lane, double t, const RetractionKernel* kernel) {
     if (!fields.made) {
       const auto memory = std::make_shared<std::vector<double>>(fields.size());
       fields.made = {memory, memory->data()};
     }
     const double here = static_cast<double>(fields.columns) * fields.rows;
-    const std::vector<DilatedNode> nodes =
-        Dilation(height, lattice_of(fields, top, t), tip_radius_nm, t, relief_of(grid))
-            .make_all([&](double part) {
-              if (made) made((done + part * here) / all);
-            });
+    const std::vector<DilatedNode> nodes = Dilation(height, lattice_of(fields, top, t), tip_radius_nm, t,
+                                                    relief_of(grid), widest_lanes(), kernel)
+                                               .make_all([&](double part) {
+                                                 if (made) made((done + part * here) / all);
+                                               });
     interpolate(fields, nodes, 0, 0, fields.columns, most_log_radius, whole(fields), lane);
     done += here;
   };
@@ -111,24 +112,26 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
     Grid& fields = grids_[g];
     for (int half = 0; half < 2; ++half) {
       const double t = softening_of_level(2 * static_cast<int>(g) + half);
-      fill(fields, 3 * half, t);
+      fill(fields, 3 * half, t, g == 0 && half == 0 ? pull_off.get() : nullptr);
       if (half == 0 && g > 0)
         hold_growth(grids_[g - 1], whole(grids_[g - 1]), fields, whole(fields), whole(fields), 0.5 * t);
     }
     hold_growth(whole(fields), rule.finest_nm * (1 << (2 * g)));
   }
-  for (Layer& layer : layers_) fill(layer.grid, 0, layer.softening_nm);
+  for (Layer& layer : layers_) fill(layer.grid, 0, layer.softening_nm, nullptr);
 }
 
 ScanFields ScanFields::by_tiles(const HeightGrid& grid, std::shared_ptr<const BicubicSpline> height,
                                 double tip_radius_nm, const SofteningRule& rule,
-                                const std::vector<double>& fixed_softenings_nm) {
+                                const std::vector<double>& fixed_softenings_nm,
+                                std::shared_ptr<const RetractionKernel> pull_off) {
   checked(grid, tip_radius_nm, rule);
   ScanFields fields;
   fields.rule_ = rule;
   fields.radius_ = tip_radius_nm;
   const DilationLattice top = fields.lay_out(grid, *height, checked(fixed_softenings_nm));
-  fields.tiles_ = std::make_shared<Tiles>(fields, std::move(height), top, relief_of(grid));
+  fields.tiles_ =
+      std::make_shared<Tiles>(fields, std::move(height), top, relief_of(grid), std::move(pull_off));
   return fields;
 }
 

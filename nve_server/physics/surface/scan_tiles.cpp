@@ -9,8 +9,11 @@
 namespace telenano::physics {
 
 ScanFields::Tiles::Tiles(ScanFields& fields, std::shared_ptr<const BicubicSpline> height,
-                         const DilationLattice& top, double relief_nm)
-    : height_(std::move(height)), most_log_radius_(det_log(kMostRadii * fields.radius_)) {
+                         const DilationLattice& top, double relief_nm,
+                         std::shared_ptr<const RetractionKernel> pull_off)
+    : height_(std::move(height)),
+      pull_off_(std::move(pull_off)),
+      most_log_radius_(det_log(kMostRadii * fields.radius_)) {
   const auto add = [&](Grid& grid, double first_t, double second_t) {
     OfGrid of;
     of.layer = grid.lanes == kLayerLanes;
@@ -25,7 +28,9 @@ ScanFields::Tiles::Tiles(ScanFields& fields, std::shared_ptr<const BicubicSpline
     of.memory = std::make_shared<surface::ReservedMemory>(grid.size());
     for (const double t : {first_t, second_t}) {
       if (t > 0.0)
-        of.dilations.emplace_back(*height_, fields.lattice_of(grid, top, t), fields.radius_, t, relief_nm);
+        of.dilations.emplace_back(*height_, fields.lattice_of(grid, top, t), fields.radius_, t, relief_nm,
+                                  widest_lanes(),
+                                  grids_.empty() && of.dilations.empty() ? pull_off_.get() : nullptr);
     }
     grid.made = {of.memory, of.memory->data()};
     grid.tiles = this;

@@ -39,7 +39,7 @@ class ScanFields::Tiles {
  public:
   /// Of fields that are laid out: reserves their coefficients, and is asked by them from now on.
   Tiles(ScanFields& fields, std::shared_ptr<const BicubicSpline> height, const DilationLattice& top,
-        double relief_nm);
+        double relief_nm, std::shared_ptr<const RetractionKernel> pull_off);
 
   void see(int grid, int column, int row) noexcept;
   void need(int grid, const Span& columns, const Span& rows) noexcept;
@@ -74,6 +74,7 @@ class ScanFields::Tiles {
   void make_raw(const OfGrid& of, std::size_t level, const Patch& to, int lane) const;
 
   std::shared_ptr<const BicubicSpline> height_;
+  std::shared_ptr<const RetractionKernel> pull_off_;
   double most_log_radius_;
   std::vector<OfGrid> grids_;
   std::atomic<std::uint64_t> wishes_[kWishes] = {};

@@ -6,16 +6,19 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
+#include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/potential/branch_potential.h"
+#include "telenano/nve_server/physics/potential/retraction.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/elastic/places.h"
+#include "tests/studies/elastic/self_affine.h"
 
 namespace telenano::elastic {
 namespace {
@@ -88,16 +91,17 @@ TEST(ElasticPatch, AgreesWithAnIndependentProgram) {
 
 /// The places of a table, whose first is the flat sample.
 void compare(const std::string& name, const char* table, const BranchPotential& law,
-             std::vector<PlaceError>& errors, double heights_times) {
+             std::vector<PlaceError>& errors, double heights_times, double modulus_gpa = 52.5) {
   const std::vector<Place> places = places_of(name, table);
   surface::HeightGrid scan = scan_of(name);
   for (double& z : scan.z_nm) z *= heights_times;
   const double radius = 20;
   const ForceOf on_flat = flat_force(law, radius);
+  const auto pull_off = std::make_shared<physics::RetractionKernel>(retraction_kernel(law, radius));
   for (std::size_t k = 1; k < places.size(); ++k) {
     const Place& place = places[k];
     const ScanFields fields(piece_round(scan, place.column, place.row), radius,
-                            physics::softening_rule(radius, 0.4, 52.5, 0.165));
+                            physics::softening_rule(radius, 0.4, modulus_gpa, 0.165), {}, {}, pull_off);
     const double x = scan.x_first_nm + place.column * scan.dx_nm,
                  y = scan.y_first_nm + place.row * scan.dy_nm;
     errors.push_back(place_error(places[0], on_flat, place, [&](double z) {
@@ -137,11 +141,11 @@ void print(const char* scan, const std::vector<PlaceError>& errors) {
               100 * pressed_error(errors));
 }
 
-// Two real grounds; the constants of the softening were not fitted to them. Places of the independent program
-// and, chosen at random, of our own boundary elements. The medians are held to what is asked (2 and 4 %); the
-// ninth deciles (asked: 5 and 10 %) and the pressed forces (5 and 8 %) to what is found, rounded up.
+// Two real grounds; no constant was fitted to them. Places of the independent program and, chosen at random, of
+// our own boundary elements. Aims: pull-off's median 2 and 4 %, ninth decile 5 and 10 %; pressed 5 and 8 %, of
+// which the first is missed: bound rounded up.
 TEST(FieldsAgainstElasticity, PullOffAndPressedForce) {
-  const double median[] = {0.02, 0.04}, p90[] = {0.08, 0.14}, pressed[] = {0.065, 0.04};
+  const double median[] = {0.02, 0.03}, p90[] = {0.05, 0.06}, pressed[] = {0.065, 0.04};
   for (int k = 0; k < 2; ++k) {
     const std::vector<PlaceError> errors = errors_on(kScans[k], {"adhesive_elastic_", "places_"});
     print(kScans[k], errors);
@@ -155,7 +159,7 @@ TEST(FieldsAgainstElasticity, PullOffAndPressedForce) {
 // touch on, one place in ten was wrong by 53 and 104 %. Vertical displacements are formal here: the bounds
 // are what is found, rounded up.
 TEST(FieldsAgainstElasticity, SteepGround) {
-  const double times[] = {3, 6}, median[] = {0.08, 0.15}, p90[] = {0.2, 0.3};
+  const double times[] = {3, 6}, median[] = {0.06, 0.08}, p90[] = {0.15, 0.2};
   for (int k = 0; k < 2; ++k) {
     const std::vector<PlaceError> errors = errors_on(kScans[k], {"steep_"}, times[k]);
     print(kScans[k], errors);
@@ -182,6 +186,61 @@ TEST(ElasticPatch, LateralForceIsOfOneEnergyWithTheNormalOne) {
   EXPECT_NEAR(lateral_by_z / normal_by_x, 1.0, 0.02);
 }
 
+// Seeded self-affine grounds, two of them as a microscope would have seen them, 24 places each. The numbers of the
+// softening and of the pull-off were chosen on others of that kind. What is left is of grounds that are much finer
+// than the contact, and of valleys in which a wide tip has many feet.
+TEST(FieldsAgainstElasticity, SelfAffineGrounds) {
+  const double radius = 20, flat_nn = 43.335;
+  const BranchPotential law(physics::TipSampleLaw(silicon_oxide()), radius);
+  const double on_flat = pull_off_nn(flat_force(law, radius));
+  const auto pull_off = std::make_shared<physics::RetractionKernel>(retraction_kernel(law, radius));
+  std::vector<surface::HeightGrid> grounds;
+  for (const SelfAffine& ground : tabled_grounds()) grounds.push_back(self_affine(ground));
+  std::vector<double> all;
+  std::vector<std::vector<double>> errors(grounds.size());
+  std::ifstream file(std::string(TELENANO_SOURCE_DIR) + "/tests/data/elastic/self_affine.csv");
+  for (std::string line; std::getline(file, line);) {
+    int index = 0, column = 0, row = 0;
+    double touch_nm = 0, reference_nn = 0;
+    if (std::sscanf(line.c_str(), "%d,%d,%d,%lf,%lf", &index, &column, &row, &touch_nm, &reference_nn) != 5)
+      continue;
+    const surface::HeightGrid& ground = grounds.at(static_cast<std::size_t>(index));
+    const ScanFields fields(piece_round(ground, column, row), radius,
+                            physics::softening_rule(radius, 0.4, 52.5, 0.165), {}, {}, pull_off);
+    const double x = column * ground.dx_nm, y = row * ground.dy_nm;
+    const double ratio = pull_off_nn([&](double z) {
+                           ContactJet jet;
+                           fields.contact_at({x, y, touch_nm + z}, jet);
+                           return retraction_force_nn(law, jet);
+                         }) /
+                         on_flat;
+    errors[static_cast<std::size_t>(index)].push_back(std::abs(ratio / (reference_nn / flat_nn) - 1));
+    all.push_back(errors[static_cast<std::size_t>(index)].back());
+  }
+  ASSERT_EQ(all.size(), 96u);
+  for (std::size_t k = 0; k < errors.size(); ++k) {
+    std::printf("ground %zu: pull-off median %.1f %%, p90 %.1f %%\n", k, 100 * quantile(errors[k], 0.5),
+                100 * quantile(errors[k], 0.9));
+  }
+  std::printf("all: pull-off median %.1f %%, p90 %.1f %%\n", 100 * quantile(all, 0.5),
+              100 * quantile(all, 0.9));
+  EXPECT_LE(quantile(all, 0.5), 0.03);
+  EXPECT_LE(quantile(all, 0.9), 0.1);
+}
+
+// The same scan on a material five times softer: λ = 2.2, twelve places.
+TEST(FieldsAgainstElasticity, SoftGround) {
+  physics::TipSampleParameters soft = silicon_oxide();
+  soft.contact_modulus_gpa = 10 * 4.0 / 3;
+  const double radius = 20;
+  const BranchPotential law(physics::TipSampleLaw(soft), radius);
+  std::vector<PlaceError> errors;
+  compare(kScans[0], "soft_", law, errors, 1, 10);
+  print(kScans[0], errors);
+  EXPECT_LE(pull_off_quantile(errors, 0.5), 0.03);
+  EXPECT_LE(pull_off_quantile(errors, 0.9), 0.05);
+}
+
 // Lateral force of a tip that is led at a constant height, pressed by 0.2 to 0.8 nm: 16 lines of 6 nm along x on
 // each scan, chosen at random where the ground rises by less than 0.3 nm along them, against our own boundary
 // elements. Lennard and Jones' bodies touch a z0 earlier than Dugdale's, which says nothing of the ground: the
@@ -190,6 +249,7 @@ TEST(ElasticPatch, LateralForceIsOfOneEnergyWithTheNormalOne) {
 TEST(FieldsAgainstElasticity, LateralForce) {
   const double bound_nn[] = {0.8, 0.9}, same_height_bound_nn[] = {1.8, 1.85};
   const BranchPotential law(physics::TipSampleLaw(silicon_oxide()), 20);
+  const auto pull_off = std::make_shared<physics::RetractionKernel>(retraction_kernel(law, 20));
   for (int k = 0; k < 2; ++k) {
     const surface::HeightGrid scan = scan_of(kScans[k]);
     double error = 0, same_height = 0, square = 0, worst = 0;
@@ -201,7 +261,7 @@ TEST(FieldsAgainstElasticity, LateralForce) {
     for (const Line& line :
          read_lines(std::string(TELENANO_SOURCE_DIR) + "/tests/data/elastic/lines_" + kScans[k] + ".csv")) {
       const ScanFields fields(piece_round(scan, line.column, line.row), 20,
-                              physics::softening_rule(20, 0.4, 52.5, 0.165));
+                              physics::softening_rule(20, 0.4, 52.5, 0.165), {}, {}, pull_off);
       const double x = scan.x_first_nm + line.column * scan.dx_nm,
                    y = scan.y_first_nm + line.row * scan.dy_nm;
       for (const LineState& state : line.states) {
@@ -231,8 +291,7 @@ TEST(FieldsAgainstElasticity, LateralForce) {
 }
 
 // Grooves, trenches and ridges: what two or three feet and pits flatter than the tip hold, against our own
-// boundary elements (shapes.csv). Bounds: found, rounded up; of the one side that is lower by twice t0 the
-// softened mean keeps too little, and of bumps within one contact no single foot's law is right.
+// boundary elements (shapes.csv). Of bumps within one contact no single foot's law is right: left out.
 TEST(FieldsAgainstElasticity, GroovesTrenchesRidges) {
   struct Shape {
     int index;  // in the table
@@ -247,7 +306,7 @@ TEST(FieldsAgainstElasticity, GroovesTrenchesRidges) {
       {1, "groove-15", [](double x, double) { return steep * std::abs(x); }, 0.05},
       {2, "groove-8", [](double x, double) { return gentle * std::abs(x); }, 0.05},
       {4, "groove-15-one-side-lower",
-       [](double x, double) { return x > 0 ? steep * x : std::max(-steep * x - 0.15, -0.075); }, 0.15},
+       [](double x, double) { return x > 0 ? steep * x : std::max(-steep * x - 0.15, -0.075); }, 0.05},
       {5, "trench-24", [](double x, double) { return -1.2 * std::cos(2 * kPi * x / 24); }, 0.05},
       {6, "trench-16", [](double x, double) { return -1.2 * std::cos(2 * kPi * x / 16); }, 0.05},
       {7, "ridge-16", [](double x, double) { return 1.2 * std::cos(2 * kPi * x / 16); }, 0.05},
@@ -270,13 +329,14 @@ TEST(FieldsAgainstElasticity, GroovesTrenchesRidges) {
   }
   ASSERT_EQ(places.size(), 9u);
   const BranchPotential law(physics::TipSampleLaw(silicon_oxide()), 20);
+  const auto pull_off = std::make_shared<physics::RetractionKernel>(retraction_kernel(law, 20));
   const double flat = pull_off_nn(flat_force(law, 20));
   for (const Shape& shape : shapes) {
     surface::HeightGrid grid{201, 201, 0.25, 0.25, -25, -25, {}};
     for (int j = 0; j < 201; ++j) {
       for (int i = 0; i < 201; ++i) grid.z_nm.push_back(shape.height(-25 + 0.25 * i, -25 + 0.25 * j));
     }
-    const ScanFields fields(grid, 20, physics::softening_rule(20, 0.4, 52.5, 0.165));
+    const ScanFields fields(grid, 20, physics::softening_rule(20, 0.4, 52.5, 0.165), {}, {}, pull_off);
     const Place& place = places[static_cast<std::size_t>(shape.index)];
     const double ratio = pull_off_nn([&](double z) {
                            ContactJet jet;

@@ -11,6 +11,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/surface/gsf.h"
 #include "tests/studies/elastic/places.h"
+#include "tests/studies/elastic/self_affine.h"
 
 // tests/data/elastic/README.md says which tables were made with this.
 
@@ -51,6 +52,7 @@ struct Options {
   double heights_times = 1;
   double from_nm = -0.8, to_nm = 1.0, step_nm = 0.04;
   double line_nm = 0, depth_nm = 0.4;
+  bool pull_off = false;
 };
 
 // CLI11's ranges let "nan" through: no comparison fails with it.
@@ -74,7 +76,15 @@ void print_curve(const Options& options, const std::string& place, int column, i
   std::vector<double> heights;
   const int steps = static_cast<int>(std::lround((options.to_nm - options.from_nm) / options.step_nm));
   for (int k = 0; k <= steps; ++k) heights.push_back(options.from_nm + options.step_nm * k);
-  for (const auto& state : telenano::elastic::follow(options.probe, ground, heights)) {
+  const auto states = telenano::elastic::follow(options.probe, ground, heights);
+  if (options.pull_off) {
+    telenano::elastic::Place curve;
+    curve.states = states;
+    std::printf("%s,%d,%d,%.5f,%.5g\n", place.c_str(), column, row, ground.touch_nm, curve.pull_off_nn());
+    std::fflush(stdout);
+    return;
+  }
+  for (const auto& state : states) {
     std::printf("%s,%d,%d,%.5f,%.5f,%.5g\n", place.c_str(), column, row, ground.touch_nm, state.z_nm,
                 state.force_nn);
   }
@@ -92,11 +102,25 @@ void print_line(const Options& options, const std::string& place, int column, in
   std::fflush(stdout);
 }
 
+constexpr const char* kSelfAffine = "self-affine-";
+bool is_self_affine(const std::string& name) {
+  return name.rfind(kSelfAffine, 0) == 0;
+}
+const telenano::elastic::SelfAffine& self_affine_of(const std::string& name) {
+  const auto& grounds = telenano::elastic::tabled_grounds();
+  for (std::size_t k = 0; k < grounds.size(); ++k) {
+    if (name == kSelfAffine + std::to_string(k)) return grounds[k];
+  }
+  throw telenano::UserError(fmt::format("{}: expected {}0 to {}", name, kSelfAffine, grounds.size() - 1));
+}
+
 void run_scan(const Options& options) {
   if (options.what.size() < 2) {
     throw telenano::UserError(options.what.front() + ": name at least one place of it, as COLUMN,ROW");
   }
-  auto scan = telenano::surface::read_gsf(options.what.front()).grid;
+  auto scan = is_self_affine(options.what.front())
+                  ? telenano::elastic::self_affine(self_affine_of(options.what.front()))
+                  : telenano::surface::read_gsf(options.what.front()).grid;
   for (double& z : scan.z_nm) z *= options.heights_times;
   for (std::size_t k = 1; k < options.what.size(); ++k) {
     int column = 0, row = 0, read = 0;
@@ -135,7 +159,9 @@ int main(int argc, char** argv) {
       "Retraction curves (CSV) of a sphere from an adhesive elastic half-space, by boundary elements"};
   std::string shapes;
   for (const Shape& shape : kShapes) shapes += std::string(" ") + shape.name;
-  app.add_option("what", options.what, "FILE.gsf COLUMN,ROW ...   or shapes:" + shapes)->required();
+  app.add_option("what", options.what,
+                 "FILE.gsf COLUMN,ROW ...   or self-affine-0 to 3 COLUMN,ROW ...   or shapes:" + shapes)
+      ->required();
   app.add_option("--radius-nm", options.probe.radius_nm, "of the tip")
       ->check(between(0.1, 1e4))
       ->capture_default_str();
@@ -155,6 +181,8 @@ int main(int argc, char** argv) {
       ->check(between(-100, 100))
       ->capture_default_str();
   app.add_option("--to-nm", options.to_nm, "last height")->check(between(-100, 100))->capture_default_str();
+  app.add_flag("--pull-off", options.pull_off,
+               "a line a place: place, column, row, height of first touch (nm), greatest attraction (nN)");
   app.add_option("--line-nm", options.line_nm,
                  "instead of heights: normal and lateral force along a line of this length along x at a "
                  "constant height")
@@ -169,7 +197,7 @@ int main(int argc, char** argv) {
   try {
     require_meaning(options);
     const std::string& first = options.what.front();
-    if (first.size() > 4 && first.substr(first.size() - 4) == ".gsf")
+    if (is_self_affine(first) || (first.size() > 4 && first.substr(first.size() - 4) == ".gsf"))
       run_scan(options);
     else
       run_shapes(options);

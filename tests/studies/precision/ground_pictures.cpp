@@ -7,6 +7,7 @@
 
 #include "telenano/common/config/shared_files.h"
 #include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/potential/retraction.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/elastic/places.h"
@@ -101,6 +102,7 @@ void draw_lines(Section& section, const std::function<std::filesystem::path(cons
   parameters.work_of_adhesion_n_m = kWorkNPerM;
   const physics::BranchPotential law(physics::TipSampleLaw(parameters), kRadiusNm);
   const elastic::ForceOf on_flat = elastic::flat_force(law, kRadiusNm);
+  const auto pull_off = std::make_shared<const physics::RetractionKernel>(retraction_kernel(law, kRadiusNm));
   const std::vector<double> softenings = {rule().finest_nm, 0.25, 1.0};
   std::string data =
       "# along_nm,elastic_normal_nn,elastic_lateral_nn,served_normal,served_lateral,then each "
@@ -114,7 +116,8 @@ void draw_lines(Section& section, const std::function<std::filesystem::path(cons
         elastic::read_places(table_file(std::string("places_") + name).string()).at(0);
     for (std::size_t k = 0; k < kLines; ++k) {
       const elastic::Line& line = lines.at(k);
-      const ScanFields fields(elastic::piece_round(scan, line.column, line.row), kRadiusNm, rule());
+      const ScanFields fields(elastic::piece_round(scan, line.column, line.row), kRadiusNm, rule(), {}, {},
+                              pull_off);
       const double x = scan.x_first_nm + line.column * scan.dx_nm,
                    y = scan.y_first_nm + line.row * scan.dy_nm;
       for (const elastic::LineState& state : line.states) {

@@ -9,6 +9,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/config/shared_files.h"
 #include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/potential/retraction.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
@@ -68,12 +69,13 @@ std::filesystem::path table_file(const std::string& name) {
 struct Under {
   double x, y, touch_nm;
   ScanFields fields;
-  Under(const surface::HeightGrid& scan, const Place& place, double modulus_gpa)
+  Under(const surface::HeightGrid& scan, const Place& place, double modulus_gpa,
+        const std::shared_ptr<const physics::RetractionKernel>& pull_off)
       : x(scan.x_first_nm + place.column * scan.dx_nm),
         y(scan.y_first_nm + place.row * scan.dy_nm),
         touch_nm(place.touch_nm),
         fields(elastic::piece_round(scan, place.column, place.row), kRadiusNm,
-               physics::softening_rule(kRadiusNm, kWorkNPerM, modulus_gpa, kRangeNm)) {}
+               physics::softening_rule(kRadiusNm, kWorkNPerM, modulus_gpa, kRangeNm), {}, {}, pull_off) {}
 };
 
 /// One way to see the ground; the law over it is the same for all. Adding one is adding an entry.
@@ -164,6 +166,7 @@ Section ground_section(const Effort& effort, const FigureFolder& folder) {
     parameters.work_of_adhesion_n_m = kWorkNPerM;
     const BranchPotential law(physics::TipSampleLaw(parameters), kRadiusNm);
     const ForceOf on_flat = elastic::flat_force(law, kRadiusNm);
+    const auto kernel = std::make_shared<const physics::RetractionKernel>(retraction_kernel(law, kRadiusNm));
     const std::vector<Method> all = methods(effort.quick);
     std::vector<std::vector<PlaceError>> errors(all.size());
     std::vector<Cost> costs(all.size());
@@ -171,7 +174,7 @@ Section ground_section(const Effort& effort, const FigureFolder& folder) {
       const std::vector<Place> places = elastic::read_places(table_file(name).string());
       const std::size_t last = effort.quick ? std::min<std::size_t>(4, places.size()) : places.size();
       for (std::size_t k = 1; k < last; ++k) {
-        const Under under(scan, places[k], ground.modulus_gpa);
+        const Under under(scan, places[k], ground.modulus_gpa, kernel);
         for (std::size_t m = 0; m < all.size(); ++m) {
           const auto force = [&](double z) {
             ContactJet jet;

@@ -210,14 +210,27 @@ TEST(Dilation, ReliefOfThousandsOfSoftenings) {
   }
 }
 
+/// Any law that attracts: the rise depends on its form alone.
+RetractionKernel kernel_of_some_law() {
+  return {[](double gap, double log_radius) {
+            const double range = 0.1 + 0.02 * (log_radius - std::log(kRadius));
+            return -std::exp(-0.5 * (gap - 0.1) * (gap - 0.1) / (range * range)) + (gap < 0 ? -3 * gap : 0.0);
+          },
+          kRadius};
+}
+
 // Two lanes or four: to the last bit, spheres and paraboloids. (On a processor without AVX two and two.)
 TEST(Dilation, TheSameBitsInWhateverRegisters) {
   const HeightGrid grid = random_grid(6, 40);
   const BicubicSpline height = BicubicSpline::interpolating(grid);
   for (const double t : {0.09, 0.5, 3.0}) {
     const DilationLattice lattice = dilation_lattice(height, 2.0, 0.6 * std::sqrt(kRadius * t));
-    const auto two = Dilation(height, lattice, kRadius, t, relief_of(grid), Lanes::kTwo).make_all();
-    const auto widest = Dilation(height, lattice, kRadius, t, relief_of(grid)).make_all();
+    const RetractionKernel kernel = kernel_of_some_law();
+    const auto made = [&](Lanes lanes) {
+      return Dilation(height, lattice, kRadius, t, relief_of(grid), lanes, &kernel).make_all();
+    };
+    const auto two = made(Lanes::kTwo);
+    const auto widest = made(widest_lanes());
     ASSERT_EQ(two.size(), widest.size());
     for (std::size_t k = 0; k < two.size(); ++k) {
       ASSERT_EQ(two[k].height_nm, widest[k].height_nm) << t;
@@ -225,6 +238,55 @@ TEST(Dilation, TheSameBitsInWhateverRegisters) {
       ASSERT_EQ(two[k].cosine, widest[k].cosine) << t;
     }
   }
+}
+
+// ρ of a plane is ln R also by its pull-off. The areas come from sub-samples on a lattice: what that leaves is
+// some 1e-3, and H and c are not touched.
+TEST(Dilation, PullOffOfAPlaneIsThatOfTheTip) {
+  const RetractionKernel kernel = kernel_of_some_law();
+  ASSERT_TRUE(kernel.active());
+  for (const double degrees : {0.0, 10.0, 20.0, 30.0}) {
+    const double slope = std::tan(degrees * kPi / 180);
+    const HeightGrid grid = sampled(61, 1.0, [&](double x, double y) { return slope * (0.8 * x + 0.6 * y); });
+    const BicubicSpline height = BicubicSpline::interpolating(grid);
+    const DilationLattice lattice = dilation_lattice(height, 1.1, 0.65 * std::sqrt(kRadius * 0.09));
+    const Dilation plain(height, lattice, kRadius, 0.09, relief_of(grid));
+    const Dilation with(height, lattice, kRadius, 0.09, relief_of(grid), widest_lanes(), &kernel);
+    std::vector<DilatedNode> one, two;
+    plain.make_rectangle(24, 24, 6, 6, one);
+    with.make_rectangle(24, 24, 6, 6, two);
+    for (std::size_t k = 0; k < one.size(); ++k) {
+      EXPECT_NEAR(two[k].log_radius, std::log(kRadius), 5e-3) << degrees;
+      EXPECT_EQ(two[k].height_nm, one[k].height_nm);
+      EXPECT_EQ(two[k].cosine, one[k].cosine);
+    }
+  }
+}
+
+// Two flanks of 15 degrees whose feet are apart, one lower by `below`: the radius of the pull-off is twice the tip's
+// where they are level and falls to the tip's where the lower one is out of reach. Grids round the crease off, and of
+// level feet each has a part of the wedge between them: 5 %.
+TEST(Dilation, PullOffFallsFromTwoFeetToOne) {
+  const RetractionKernel kernel = kernel_of_some_law();
+  const double slope = std::tan(15 * kPi / 180);
+  double last = 2.1;
+  for (const double below : {0.0, 0.05, 0.1, 0.2, 0.4, 3.0}) {
+    const HeightGrid grid = sampled(241, 0.25, [&](double x, double) {
+      return x > 30 ? slope * (x - 30) : slope * (30 - x) - std::min(below, slope * (30 - x));
+    });
+    const BicubicSpline height = BicubicSpline::interpolating(grid);
+    const DilationLattice lattice = dilation_lattice(height, 1.0, 0.65 * std::sqrt(kRadius * 0.09));
+    std::vector<DilatedNode> node;
+    Dilation(height, lattice, kRadius, 0.09, relief_of(grid), widest_lanes(), &kernel)
+        .make_rectangle(30, 30, 1, 1, node);
+    const double radii = std::exp(node[0].log_radius) / kRadius;
+    EXPECT_LT(radii, last) << below;
+    if (below == 0.0) {
+      EXPECT_NEAR(radii, 2.0, 0.1);
+    }
+    last = radii;
+  }
+  EXPECT_NEAR(last, 1.0, 0.01);
 }
 
 // Beside a wall of twice the radius the ball of 20 nm does not reach what is further away than 22 nm (the cone

@@ -39,9 +39,16 @@ HeightGrid rough(int columns, int rows, unsigned seed) {
   return grid;
 }
 
-ScanFields tiled(const HeightGrid& grid) {
+/// Any law that attracts.
+std::shared_ptr<const RetractionKernel> some_law() {
+  return std::make_shared<RetractionKernel>(
+      [](double gap, double) { return gap < 0.1 ? -1 - 3 * (gap - 0.1) : -std::exp(-(gap - 0.1) / 0.1); },
+      kRadius);
+}
+
+ScanFields tiled(const HeightGrid& grid, const std::shared_ptr<const RetractionKernel>& pull_off = {}) {
   return ScanFields::by_tiles(grid, std::make_shared<const BicubicSpline>(BicubicSpline::interpolating(grid)),
-                              kRadius, rule(), {kLayer_nm});
+                              kRadius, rule(), {kLayer_nm}, pull_off);
 }
 
 bool same(const ContactJet& a, const ContactJet& b) {
@@ -78,9 +85,11 @@ void expect_same_coefficients(const ScanFields& a, const ScanFields& b) {
 TEST(ScanTiles, AreTheSameBitsInWhateverOrder) {
   for (const auto& [columns, rows] : {std::pair{150, 117}, std::pair{97, 40}, std::pair{18, 130}}) {
     const HeightGrid grid = rough(columns, rows, 3);
-    const ScanFields whole(grid, kRadius, rule(), {kLayer_nm});
-    const ScanFields tiles = tiled(grid);
+    const auto pull_off = some_law();
+    const ScanFields whole(grid, kRadius, rule(), {kLayer_nm}, {}, pull_off);
+    const ScanFields tiles = tiled(grid, pull_off);
     EXPECT_EQ(tiles.bytes(), 0u);
+    EXPECT_NE(whole.hash(), ScanFields(grid, kRadius, rule(), {kLayer_nm}).hash());
     std::mt19937 random(static_cast<unsigned>(columns));
     int different = 0;
     for (int n = 0; n < 400; ++n) {

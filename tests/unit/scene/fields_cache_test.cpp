@@ -92,6 +92,10 @@ TEST_F(FieldsCacheTest, AnotherGroundTipOrRuleIsNotFound) {
   other = ground();
   other.dx_nm = std::nextafter(other.dx_nm, 10.0);
   EXPECT_FALSE(cache.find(other, kRadius, rule()));
+  const physics::RetractionKernel law([](double gap, double) { return gap < 0 ? -1 - gap : -1 / (1 + gap); },
+                                      kRadius);
+  ASSERT_TRUE(law.active());
+  EXPECT_FALSE(cache.find(ground(), kRadius, rule(), {}, &law));
   EXPECT_FALSE(cache.find(ground(), std::nextafter(kRadius, 30.0), rule()));
   for (double physics::SofteningRule::*part :
        {&physics::SofteningRule::finest_nm, &physics::SofteningRule::coarsest_nm,
