@@ -23,9 +23,9 @@ namespace telenano::physics {
 ///           is pressed: rise = (1 − kShared E) excess, E = ln(∫ N e^{−d/way} dd/(2πR way)), which is 0 for one
 ///           foot.
 /// Errors    Pull-off against boundary elements with Lennard-Jones adhesion, over eight self-affine grounds, 384
-///           places (rms slope 0.12 to 0.4; half of them dilated by a tip of 6 to 15 nm): median 2.6 %, ninth decile
-///           8.8 %, without the rise 4.2 and 15 %; at 96 places of four others (`ctest -R SelfAffine`) 1.9 and 7.6 %. The two numbers were chosen there; the tables of tests/data/elastic
-///           were not used. The midpoint rule over areas leaves some 1e-3 on planes.
+///           places (rms slope 0.12 to 0.4; half of them dilated by a tip of 6 to 15 nm), where the two numbers were
+///           chosen: median 2.6 %, ninth decile 8.8 %; without the rise 4.2 and 15 %. At 96 places of four other
+///           grounds (`ctest -R SelfAffine`) 1.9 and 7.6 %. The midpoint rule over areas leaves some 1e-3 on planes.
 class RetractionKernel {
  public:
   /// Force (nN, attraction negative) over the radius (nm) of a foot at a gap (nm, pressed negative) and ln(R/1 nm),
