@@ -29,7 +29,7 @@ namespace telenano::app {
 namespace {
 
 struct CalibrateOptions {
-  std::string device = "omega";
+  std::string device = device_name(DeviceKind::kOmega);
   std::string config_file;
   std::string out;
   bool home = false;
@@ -134,9 +134,10 @@ SessionDevice simulated_device(const CalibrateOptions& options, const StationFil
 void calibrate_dynamics(const CalibrateOptions& options) {
   const DeviceSpec spec = parse_device_spec(options.device);
   const bool sim = spec.kind == DeviceSpec::Kind::kSim;
-  if (!sim && spec.kind != DeviceSpec::Kind::kOmega)
+  if (!device_row(spec.kind).shows_force)
     throw UserError("calibrate --dynamics --device " + options.device +
-                    ": only a device that shows forces can be measured: omega, sim");
+                    ": only a device that shows forces can be measured: " +
+                    any_of_text(device_names([](const DeviceRow& row) { return row.shows_force; })));
   if (!sim && options.hand_on)
     throw UserError("--hand-on works only with --device sim, whose simulated hand can hold the handle");
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
@@ -175,8 +176,10 @@ void calibrate_dynamics(const CalibrateOptions& options) {
 void calibrate_axes(const CalibrateOptions& options) {
   const DeviceSpec spec = parse_device_spec(options.device);
   const bool omega = spec.kind == DeviceSpec::Kind::kOmega;
-  if (!omega && spec.kind != DeviceSpec::Kind::kHid)
-    throw UserError("calibrate --device " + options.device + ": only omega and hid have axes of their own");
+  if (!device_row(spec.kind).has_own_axes)
+    throw UserError("calibrate --device " + options.device +
+                    ": this device has no axes of its own to find, expected " +
+                    any_of_text(device_names([](const DeviceRow& row) { return row.has_own_axes; })));
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   // The device's own frame is what is looked at.
   file.device.axes = device::AxisMap{};
@@ -223,7 +226,8 @@ CLI::App* add_calibrate_command(CLI::App& app) {
       app.add_subcommand("calibrate", "Find a device's axes, signs and workspace, or its damping and mass");
   command->add_option("--device", options->device, "What is calibrated")
       ->capture_default_str()
-      ->type_name("{omega,hid,sim}");
+      ->type_name(choices_text(
+          device_names([](const DeviceRow& row) { return row.has_own_axes || row.shows_force; })));
   command->add_option("--station,--config", options->config_file,
                       "Station file (TOML), for serial, watchdog_ms and [simulated_device]");
   command->add_option("--out", options->out,

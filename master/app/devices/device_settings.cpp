@@ -45,7 +45,8 @@ std::optional<std::uint32_t> read_buttons(const TomlTable& table, const char* ke
 
 DeviceSettings read_device_settings(const TomlTable& table) {
   DeviceSettings settings;
-  settings.kind = table.choice_or("kind", {"sim", "omega", "hid", "mouse"}, settings.kind);
+  settings.kind = table.choice_or("kind", device_names([](const DeviceRow& row) { return !row.reads_file; }),
+                                  settings.kind);
   if (table.has("serial")) settings.serial = table.text("serial");
   settings.axes = read_axes(table);
   if (table.has("centre_m")) {

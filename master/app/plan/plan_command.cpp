@@ -110,8 +110,9 @@ device::DeviceInfo device_info(const PlanOptions& options, const StationFile& fi
   const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
   if (const auto device = planned_device(spec, file)) return *device;
   if (options.device)
-    throw UserError(fmt::format(
-        "--device {}: shows no force, so there is nothing to plan; expected sim or omega", *options.device));
+    throw UserError(
+        fmt::format("--device {}: shows no force, so there is nothing to plan; expected {}", *options.device,
+                    any_of_text(device_names([](const DeviceRow& row) { return row.shows_force; }))));
   return device::sim_device_info(file.plant);
 }
 
@@ -403,7 +404,7 @@ void add_plan_command(CLI::App& app) {
   command
       ->add_option("--device", options->device,
                    "Haptic device to plan for (default: the station file's [device], else sim)")
-      ->type_name("{sim,omega}");
+      ->type_name(choices_text(device_names([](const DeviceRow& row) { return row.shows_force; })));
   command->add_option("--rtt-ms", options->rtt_ms,
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")

@@ -10,6 +10,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/master/app/access_flags.h"
+#include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/app/run/next_run.h"
 #include "telenano/master/app/run/run_options.h"
 #include "telenano/master/app/run/run_session.h"
@@ -150,7 +151,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
   command->add_option("--device", options->device, "Hand (default sim); see devices for what is attached")
-      ->type_name("{sim,omega,hid,mouse,replay:FILE}");
+      ->type_name(choices_text(device_names([](const DeviceRow&) { return true; })));
   command->add_flag(
       "--home", options->home,
       "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");

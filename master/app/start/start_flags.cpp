@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "telenano/master/app/devices/device_kinds.h"
+
 namespace telenano::app {
 
 CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
@@ -24,7 +26,7 @@ CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
       ->type_name("sha256:HEX")
       ->needs(server);
   command->add_option("--device", flags.device, "Hand to begin with (default sim)")
-      ->type_name("{sim,omega,hid,mouse}");
+      ->type_name(choices_text(device_names([](const DeviceRow& row) { return !row.reads_file; })));
   command
       ->add_option("--text-size", flags.text_size,
                    "Of the words in this window and its sessions, times the screen's own")
