@@ -134,4 +134,4 @@ class Failover(RealPrograms):
 
 
 if __name__ == "__main__":
-    sys.exit(side_by_side.main(2, at_once=2))  # each case waits for most of its time
+    sys.exit(side_by_side.main(2, at_once=3))  # each case waits for most of its time

@@ -436,7 +436,10 @@ TEST_F(OmegaTest, CalibrationRefusesAHandThatHoldsOn) {
   const std::string out = path("dynamics.toml");
   const Finished run = measure(out);
   EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("axis x"));
   EXPECT_THAT(run.err, HasSubstr("let go of it"));
+  EXPECT_THAT(run.err, ::testing::Not(HasSubstr("measuring: 50 %")))
+      << "before the other two axes are measured";
   EXPECT_FALSE(std::filesystem::exists(out));
   EXPECT_EQ(sdk_.force_n(), 0);
 }
