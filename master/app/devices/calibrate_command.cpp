@@ -222,38 +222,37 @@ void calibrate(const CalibrateOptions& options) {
 
 CLI::App* add_calibrate_command(CLI::App& app) {
   auto options = std::make_shared<CalibrateOptions>();
-  CLI::App* const command =
-      app.add_subcommand("calibrate", "Find a device's axes, signs and workspace, or its damping and mass");
-  command->add_option("--device", options->device, "What is calibrated")
+  CLI::App* const command = app.add_subcommand(
+      "calibrate", "Find a haptic device's axes, signs and workspace, or measure its damping and mass");
+  command->add_option("--device", options->device, "Haptic device to calibrate")
       ->capture_default_str()
       ->type_name(choices_text(
           device_names([](const DeviceRow& row) { return row.has_own_axes || row.shows_force; })));
   command->add_option("--station,--config", options->config_file,
-                      "Station file (TOML), for serial, watchdog_ms and [simulated_device]");
+                      "Station file (TOML); serial, watchdog_ms and [simulated_device] are used");
   command->add_option("--out", options->out,
                       "Write the [device] table to this new file instead of standard output");
-  command->add_flag(
-      "--home", options->home,
-      "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
+  command->add_flag("--home", options->home,
+                    "Let the omega calibrate itself with its motors: IT MOVES, keep hands and objects clear");
   CLI::Option* const dynamics = command->add_flag(
       "--dynamics", options->dynamics,
-      "Measure damping, mass, friction, latency and encoder step by small forces: THE HANDLE MOVES");
-  command->add_option("--seconds", options->seconds, "For each axis of --dynamics, 10 to 300")
+      "Measure damping, mass, friction, latency and encoder resolution with small forces: THE HANDLE MOVES");
+  command->add_option("--seconds", options->seconds, "Duration of --dynamics for each axis, 10 to 300 s")
       ->capture_default_str()
       ->check(CLI::Range(10.0, 300.0))
       ->needs(dynamics);
   command
       ->add_flag("--hand-on", options->hand_on,
-                 "With --dynamics --device sim: the simulated hand holds the handle, which is refused")
+                 "With --dynamics --device sim: let the simulated hand hold the handle; the measurement then "
+                 "refuses")
       ->needs(dynamics);
   command->footer(
-      "Asks for three pushes, right, away and up, each between two presses of Enter, and on an omega for a "
-      "way\n"
-      "through its whole range. No force is shown. Prints the [device] table of a station file.\n"
-      "With --dynamics: let go of the handle; it is moved by at most 1.5 N about the place where it rests, "
-      "one\n"
-      "axis after the other. Prints the lower bound of the damping, on which the limit on energy rests, as\n"
-      "[device] damping_n_s_m, and all that was measured with its 95 % intervals.");
+      "You push the handle to the right, away from you and up, pressing Enter before and after each push; an "
+      "omega is\nthen moved through its whole range. The device shows no force. The result is the [device] "
+      "table of a station file.\nWith --dynamics you let go of the handle: forces of at most 1.5 N move it "
+      "around its rest position, one axis\nafter the other. The result contains the lower bound of the "
+      "damping as [device] damping_n_s_m, which the\nenergy limit uses, and all measured values with their "
+      "95 % intervals.");
   command->callback([options] { calibrate(*options); });
   return command;
 }

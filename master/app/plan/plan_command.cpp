@@ -396,20 +396,21 @@ void add_plan_command(CLI::App& app) {
   CLI::App* const command = app.add_subcommand(
       "plan", "Plan the scaling for this station, link and slave, with reasons: CSV, text, a picture");
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
-  command->add_option(
-      "--server", options->server,
-      "HOST:PORT of telenano-nve serve: plan asks it for its limits and measures the round trip");
+  command->add_option("--server", options->server,
+                      "HOST:PORT of telenano-nve serve: its limits are used and the round trip is measured");
   command->add_option("--limits", options->limits,
                       "Instead of --server: limits of a slave, written by telenano-nve check --limits");
   command
       ->add_option("--device", options->device,
-                   "Haptic device to plan for (default: the station file's [device], else sim)")
+                   "Haptic device to plan for (default: [device] of the station file, else sim)")
       ->type_name(choices_text(device_names([](const DeviceRow& row) { return row.shows_force; })));
   command->add_option("--rtt-ms", options->rtt_ms,
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--method", options->method, "How the port is kept passive, see run --help")
+  command
+      ->add_option("--method", options->method,
+                   "Control method that keeps the session passive, see run --help")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
   command->add_flag(
       "--felt", options->felt,
@@ -418,11 +419,12 @@ void add_plan_command(CLI::App& app) {
   command->add_option("--compand", options->compand,
                       "With --felt: also show weak attraction up to this many times as strong, 1 to 10");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
-                      "Edge of the hand's workspace (default: the device's)");
-  command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");
+                      "Edge length of the hand's workspace (default: the device's)");
+  command->add_option("--visual-m", options->workspaces.visual_m,
+                      "Edge length of the picture (default: 0.3)");
   command->add_option("--nano-nm", options->workspaces.nano_nm,
-                      "Edge of the tip's workspace (default: the slave's shortest)");
-  command->add_option("--plot", options->plot, "FILE.svg or FILE.png: draw the region, by gnuplot");
+                      "Edge length of the tip's workspace (default: the shortest of the slave)");
+  command->add_option("--plot", options->plot, "FILE.svg or FILE.png: plot the allowed region with gnuplot");
   add_access_flags(*command, *options);
   command->footer(
       "CSV on standard output (key,value,unit), the plan as text on standard error. `run` uses the "

@@ -196,7 +196,7 @@ void run(const FitOptions& options) {
 
 void add_fit_command(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("fit", "find a sample's modulus and adhesion from your own force curves");
+      app.add_subcommand("fit", "Find a sample's modulus and adhesion from your own force curves");
   auto options = std::make_shared<FitOptions>();
   command
       ->add_option("curves", options->curves,

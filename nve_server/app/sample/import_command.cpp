@@ -485,8 +485,8 @@ void run(const Options& options) {
 }  // namespace telenano::app
 
 void add_import_command(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("import", "make a scene from your own scan (.gwy, .gsf, and what Gwyddion reads)");
+  CLI::App* command = app.add_subcommand(
+      "import", "Make a scene from your own scan (.gwy, .gsf, and formats that Gwyddion reads)");
   auto options = std::make_shared<Options>();
   command
       ->add_option("file", options->file,

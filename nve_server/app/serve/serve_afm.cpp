@@ -55,22 +55,28 @@ ServeAfm::~ServeAfm() = default;
 void ServeAfm::add_flags(CLI::App& command) {
   std::vector<std::string> slaves = afm::adapter_names();
   slaves.insert(slaves.begin(), "nve");
-  command.add_option("--slave", slave_, "nve: a virtual environment; nanonis: an AFM by its controller")
+  command
+      .add_option("--slave", slave_,
+                  "nve: the virtual environment; nanonis: a real AFM with a Nanonis controller")
       ->capture_default_str()
       ->check(CLI::IsMember(slaves))
       ->type_name("NAME");
-  command.add_option("--controller", controller_, "Host of the AFM's controller")->type_name("HOST");
-  command.add_option("--ports", ports_, "Its TCP ports: motion, reads, data, emergency; a range or a list")
+  command.add_option("--controller", controller_, "Host name or address of the AFM controller")
+      ->type_name("HOST");
+  command
+      .add_option("--ports", ports_,
+                  "TCP ports of the controller for motion, signals, data and emergency; a range or a list")
       ->capture_default_str();
   command
-      .add_option(
-          "--afm-state", state_,
-          "Folder that keeps whether the tip may be out [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+      .add_option("--afm-state", state_,
+                  "Folder where the server notes that the tip may be near the sample [$STATE_DIRECTORY, else "
+                  "~/.local/state/telenano]")
       ->type_name("FOLDER");
   command.add_flag("--without-deadman", without_deadman_,
-                   "Go without one beside the controller: if this machine or the network dies, the tip stays "
-                   "on the sample");
-  command.add_option("--afm", afm_, "The rig and its limits (TOML; see deploy/afm.toml)")->type_name("FILE");
+                   "Run without a deadman next to the controller: if this machine or the network fails, the "
+                   "tip stays on the sample");
+  command.add_option("--afm", afm_, "Description of the AFM and its limits (TOML, see deploy/afm.toml)")
+      ->type_name("FILE");
 }
 
 void ServeAfm::check(const std::string& scene, const std::string& share, std::size_t workers) const {
@@ -188,18 +194,21 @@ CLI::App* add_afm_command(CLI::App& app) {
     std::string state, controller;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* const command = app.add_subcommand("afm", "An AFM's tip: approve an approach");
+  CLI::App* const command = app.add_subcommand("afm", "Approve an approach of an AFM's tip");
   command->require_subcommand(1);
   CLI::App* const approve = command->add_subcommand(
-      "approve", "Let the tip approach once, after a server that did not end with it withdrawn");
+      "approve", "Allow one approach after a server ended without withdrawing the tip");
   approve
       ->add_option("--afm-state", options->state,
-                   "The server's state folder [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+                   "State folder of the server [$STATE_DIRECTORY, else ~/.local/state/telenano]")
       ->type_name("FOLDER");
-  approve->add_option("--controller", options->controller, "Which, if there are several: its emergency port")
+  approve
+      ->add_option("--controller", options->controller,
+                   "Emergency port of the controller, if the folder knows several")
       ->type_name("HOST:PORT");
   approve->footer(
-      "The unit's folder is /var/lib/telenano. Look first whether the tip is up and the sample as it was.");
+      "First make sure that the tip is up and the sample is unchanged. The systemd service keeps its state "
+      "in\n/var/lib/telenano.");
   approve->callback([options] {
     const std::string latch = approve_tip(state_folder(options->state), options->controller);
     std::fprintf(stderr, "telenano-nve: approved one approach (%s)\n", latch.c_str());

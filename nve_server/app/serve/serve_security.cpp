@@ -14,17 +14,21 @@ namespace telenano::app {
 void ServeSecurity::add_flags(CLI::App& command) {
   command
       .add_option("--keys", keys,
-                  "Who may open sessions, which are then encrypted: the list of keys, or its folder")
+                  "Encrypt all sessions and accept only the keys in this list (a file, or the folder that "
+                  "contains keys.toml)")
       ->type_name("FILE|DIR");
   command
       .add_option("--cert", certificate,
-                  "Certificate of this server (PEM), for stations with certificates; with --cert-key, --ca "
+                  "This server's certificate (PEM), for stations with certificates; needs --cert-key, --ca "
                   "and --keys")
       ->type_name("FILE");
   command.add_option("--cert-key", certificate_key, "Private key of --cert (PEM)")->type_name("FILE");
-  command.add_option("--ca", authority, "Authorities that may have signed the stations' certificates (PEM)")
+  command
+      .add_option("--ca", authority,
+                  "Certificate authorities that are trusted to sign station certificates (PEM)")
       ->type_name("FILE");
-  command.add_flag("--insecure", insecure, "Serve in the clear; on loopback only, where it is the default");
+  command.add_flag("--insecure", insecure,
+                   "Serve without encryption; only on loopback, where this is the default");
 }
 
 std::string ServeSecurity::key_list_path() const {
