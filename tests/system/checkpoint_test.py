@@ -226,7 +226,7 @@ class Checkpoints(RealPrograms):
         open_folder.chmod(0o755)
         for words, said in ((("--checkpoint", str(self.folder / "none")), "is not a folder"),
                             (("--checkpoint", str(open_folder)), "chmod 700"),
-                            (("--checkpoint", str(self.kept), "--share", "one-tip"), "a tip that is shared is not kept"),
+                            (("--checkpoint", str(self.kept), "--share", "one-tip"), "a shared tip cannot be saved"),
                             (("--checkpoint", str(self.kept), "--slave", "afm", "--afm", "127.0.0.1:6501"), "")):
             words = words if "--slave" in words else words + ("--scene", "flat_silicon_oxide")
             done = subprocess.run([NVE, "serve", "--listen", "127.0.0.1:0", *words], cwd=self.folder, capture_output=True, text=True,

@@ -79,8 +79,7 @@ class Handle {
     pollfd input{STDIN_FILENO, POLLIN, 0};
     if (::poll(&input, 1, 1) <= 0) return false;
     char c = 0;
-    if (::read(STDIN_FILENO, &c, 1) != 1)
-      throw RunError("calibrate: the input has ended; nothing was written");
+    if (::read(STDIN_FILENO, &c, 1) != 1) throw RunError("calibrate: end of input; nothing was written");
     return c == '\n';
   }
 
@@ -101,7 +100,7 @@ std::string ask_push(Handle& handle, const char* direction, double shortest_m) {
     }
     fmt::print(stderr, "Again, please: {}.\n", push.problem);
   }
-  throw RunError("calibrate: five pushes could not be told apart; nothing was written");
+  throw RunError("calibrate: five pushes had no clear direction; nothing was written");
 }
 
 /// `use`: what to do with the file.
@@ -110,7 +109,8 @@ void write_result(const std::string& text, const std::string& path, const std::s
     fmt::print("{}", text);
     return;
   }
-  if (std::filesystem::exists(path)) throw UserError(path + ": exists already; give --out another name");
+  if (std::filesystem::exists(path))
+    throw UserError(path + ": already exists; choose another name for --out");
   std::ofstream file(path);
   file << text;
   file.close();
@@ -163,7 +163,7 @@ void calibrate_dynamics(const CalibrateOptions& options) {
   if (certain_n_s_m > 0) {
     fmt::print(stderr, "damping, lower bound: {:.3g} N s/m\n", certain_n_s_m);
   } else {
-    fmt::print(stderr, "the lower bound of the damping is 0: measure again with more --seconds\n");
+    fmt::print(stderr, "the lower bound of the damping is 0: measure again with a larger --seconds\n");
   }
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   write_result(dynamics_toml(options.device, axes, config.seconds_per_axis,
@@ -201,8 +201,8 @@ void calibrate_axes(const CalibrateOptions& options) {
                "press Enter.\n");
     handle.until_enter([&](const Vec3& pos_d_m) { box.add(pos_d_m); });
     if (box.half_m() < 0.005)
-      throw RunError(fmt::format(
-          "calibrate: the handle was moved through {:.1f} mm only; nothing was written", 2e3 * box.half_m()));
+      throw RunError(fmt::format("calibrate: the handle was moved by only {:.1f} mm; nothing was written",
+                                 2e3 * box.half_m()));
   }
   write_result(calibration_toml(options.device, axes, omega ? &box : nullptr), options.out,
                "use it with run --config " + options.out);
@@ -210,7 +210,7 @@ void calibrate_axes(const CalibrateOptions& options) {
 
 void calibrate(const CalibrateOptions& options) {
   if (!options.out.empty() && std::filesystem::exists(options.out))
-    throw UserError(options.out + ": exists already; give --out another name");
+    throw UserError(options.out + ": already exists; choose another name for --out");
   if (options.dynamics) {
     calibrate_dynamics(options);
   } else {

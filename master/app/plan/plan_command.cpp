@@ -88,17 +88,17 @@ StationFile station_file(const PlanOptions& options) {
 void validate(const PlanOptions& options) {
   if (options.server.empty() == options.limits.empty()) {
     throw UserError(
-        "plan: give either --server HOST:PORT (a telenano-nve serve that runs) or --limits FILE (written by "
+        "plan: give either --server HOST:PORT (a running telenano-nve serve) or --limits FILE (written by "
         "telenano-nve check --limits)");
   }
   if (options.felt && options.server.empty())
-    throw UserError("--felt needs --server: the sample is the server's; --limits holds none");
+    throw UserError("--felt needs --server: it uses the server's sample, and a --limits file contains none");
   if (options.compand && !options.felt)
     throw UserError("--compand needs --felt: it acts on the sample's forces");
   if (options.rtt_ms && !(*options.rtt_ms >= 0 && *options.rtt_ms <= 60'000))
     throw UserError(fmt::format("--rtt-ms: {:g}, expected 0 to 60000", *options.rtt_ms));
   if (!std::isfinite(options.connect_timeout_s))
-    throw UserError(fmt::format("--connect-timeout-s: {} is no finite number", options.connect_timeout_s));
+    throw UserError(fmt::format("--connect-timeout-s: {} is not a finite number", options.connect_timeout_s));
   require_positive("--haptic-m", options.workspaces.haptic_m);
   require_positive("--visual-m", options.workspaces.visual_m);
   require_positive("--nano-nm", options.workspaces.nano_nm);
@@ -130,7 +130,7 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
   const auto scene = keeper.scene();
   if (!scene) {
     far.no_touch = keeper.settled() ? "the server's scene cannot be fetched"
-                                    : "the server's scene is still on its way; ask again";
+                                    : "the server's scene is still being downloaded; try again";
     return;
   }
   const auto twins = twin::decode_twins(scene->bundle, 1);
@@ -174,10 +174,9 @@ Far ask(const PlanOptions& options, const StationFile& file) {
   } else {
     far.slave = config::load_slave_limits(options.limits);
     if (rate_hz > far.slave.rate_max_hz) {
-      throw UserError(
-          fmt::format("{}: this slave serves at most {:g} Hz, and the station asks for {:g}; lower "
-                      "--rate (rate_hz)",
-                      options.limits, far.slave.rate_max_hz, rate_hz));
+      throw UserError(fmt::format(
+          "{}: this slave allows at most {:g} Hz, but the station asks for {:g} Hz; lower --rate (rate_hz)",
+          options.limits, far.slave.rate_max_hz, rate_hz));
     }
   }
   if (far.link.sent == 0) far.link.median_s = far.link.p99_s = 1e-3 * options.rtt_ms.value_or(0);

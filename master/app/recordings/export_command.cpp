@@ -197,7 +197,7 @@ void run_export(const ExportOptions& options) {
   if (options.from_s && options.to_s && *options.from_s > *options.to_s)
     throw UserError("--from-s is later than --to-s");
   if (!options.columns.empty() && options.what != "samples")
-    throw UserError("--columns goes with --what samples");
+    throw UserError("--columns works only with --what samples");
   const RecordingReader reader = RecordingReader::isolated(options.file);
   if (options.what == "samples") export_samples(reader, options);
   if (options.what == "curves") export_curves(reader, options);

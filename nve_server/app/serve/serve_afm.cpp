@@ -93,9 +93,9 @@ void ServeAfm::check(const std::string& scene, const std::string& share, std::si
     throw UserError("serve: --controller is missing: expected the host of the AFM's controller");
   if (afm_.empty()) throw UserError("serve: --afm is missing: expected a file like deploy/afm.toml");
   if (share == "private")
-    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
+    throw UserError("serve: --share private: an AFM has one tip; omit --share, or give --share one-tip");
   if (workers > 1)
-    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
+    throw UserError("serve: --workers: an AFM has one tip, which one worker serves; omit --workers");
 }
 
 server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bool>& stop,
@@ -109,13 +109,12 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
         "when "
         "this machine or the network dies (deploy/afm/deadman.py); --without-deadman takes that risk");
   if (!config.deadman_key.empty() && without_deadman_)
-    throw UserError("--without-deadman: " + afm_ +
-                    " names one ([deadman] key): leave out the one or the other");
+    throw UserError("--without-deadman: " + afm_ + " names a deadman ([deadman] key): omit one of the two");
   afm::DriverOptions options;
   options.adapter = slave_;
   std::string emergency;
   for (std::size_t i = 0; i < ports.size(); ++i) {
-    if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is no port of a controller");
+    if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is not a port of a controller");
     const std::string text = controller_ + ":" + std::to_string(ports[i]);
     const net::Address address = net::parse_address(text, "--controller");
     if (i < options.ports.size()) {
@@ -231,7 +230,7 @@ void add_afm_guard_command(CLI::App& app, int& exit_code) {
     afm::GuardOrder order{*emergency, *silence_ms, *key_file};
     if (*from_server) {
       const auto said = afm::read_guard_order(STDIN_FILENO);
-      if (!said) throw UserError("afm-guard: standard input is no server that wants a guard");
+      if (!said) throw UserError("afm-guard: standard input is not a server that wants a guard");
       order = *said;
     }
     if (order.emergency.empty()) throw UserError("afm-guard: --emergency is missing: expected HOST:PORT");

@@ -49,9 +49,10 @@ link::SipKey fresh_secret() {
 std::string buffer_text(std::size_t granted) {
   std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
   if (granted >= net::Udp::kBufferBytes) return text;
-  return text +
-         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
-                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
+  return text + fmt::format(
+                    " of the {} KiB asked for: bursts may be lost; raise the limit with sysctl -w "
+                    "net.core.rmem_max={}",
+                    net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
 }
 
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
@@ -138,23 +139,20 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   options.security.check(options.listen, net::is_loopback(address));
   if (!options.local_rights.empty() && options.security.is_secure())
     throw UserError(
-        "--local-rights: with --keys every station has the right of its key (telenano-nve keys new "
-        "--rights); "
-        "leave it out");
+        "--local-rights: with --keys every station has the rights of its key (telenano-nve keys new "
+        "--rights); omit --local-rights");
   std::optional<LocalUserList> local_users;
   if (!options.local_users.empty()) {
     if (options.security.is_secure() || !options.local_rights.empty())
-      throw UserError(
-          "--local-users: says by itself who may come in, and without a key; leave out --keys and "
-          "--local-rights");
+      throw UserError("--local-users: lists who may connect without a key; omit --keys and --local-rights");
     local_users = LocalUserList::parse(options.local_users);
   }
   if (!options.checkpoints.empty()) {
     if (options.afm.wanted())
       throw UserError(
-          "--checkpoint: an AFM's tip and sample cannot be moved to another server; leave it out");
+          "--checkpoint: an AFM's tip and sample cannot be moved to another server; omit --checkpoint");
     if (options.share == "one-tip")
-      throw UserError("--checkpoint: a tip that is shared is not kept; leave out --share one-tip or this");
+      throw UserError("--checkpoint: a shared tip cannot be saved; omit --share one-tip or --checkpoint");
     CheckpointKeeper::require_folder(options.checkpoints);
   }
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
@@ -276,9 +274,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     }
   }
   if (options.busy_poll && !workers.nic_busy_poll())
-    log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
-  if (!marked)
-    log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
+    log->info("--busy-poll: spinning without SO_BUSY_POLL, which needs CAP_NET_ADMIN; this does no harm");
+  if (!marked) log->warn("--dscp {}: this system does not allow marking; datagrams are sent unmarked", dscp);
   {
     std::optional<KeyWatcher> watcher;
     if (secure) {
