@@ -26,7 +26,8 @@ log=Testing/Temporary/LastTest.log said=Testing/said.txt
 mkdir -p Testing
 rm -f "$log"
 status=0
-ctest --output-on-failure --no-tests=error -j "$jobs" "${rest[@]}" | tee "$said" || status=$?
+# Half as many again as processors: most tests of real programs wait for most of their time.
+ctest --output-on-failure --no-tests=error -j $((jobs + jobs / 2)) "${rest[@]}" | tee "$said" || status=$?
 # What was not looked at is said at the end, and after it what CTest's own end says. Words that only list tests write no log.
 if [ -e "$log" ]; then
   bash "$project/deploy/skipped.sh" Testing

@@ -47,7 +47,7 @@ int run_program(CLI::App& app, int argc, char** argv, const int& exit_code) {
         std::fputs(bash_completion(app).c_str(), stdout);
         throw CLI::Success();
       },
-      "Print a script by which bash completes this program's words");
+      "Print a bash completion script");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {

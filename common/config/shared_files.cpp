@@ -36,9 +36,8 @@ std::string find_shared(const std::string& text, const std::string& folder, cons
   }
   std::string known;
   for (const std::string& name : shared_names(folder, extension)) known += (known.empty() ? "" : ", ") + name;
-  throw UserError(
-      "there is no file '" + text + "' here, and " + shelf.lexically_normal().string() +
-      (known.empty() ? " has none (set TELENANO_SHARE to where they are)" : " has only: " + known));
+  throw UserError("there is no file '" + text + "' here, and " + shelf.lexically_normal().string() +
+                  (known.empty() ? " has none (set TELENANO_SHARE to their folder)" : " has only: " + known));
 }
 
 }  // namespace telenano::config

@@ -373,7 +373,7 @@ void collect(const toml::table& table, const std::string& before, const std::str
              std::vector<TomlValue>& values) {
   for (const auto& [key, node] : table) {
     const std::string path = before + std::string(key.str());
-    if (!is_plain_key(key.str())) refuse(name + ": key '" + path + "' has more than a-z, 0-9 and _");
+    if (!is_plain_key(key.str())) refuse(name + ": key '" + path + "' may contain only a-z, 0-9 and _");
     if (const toml::table* const inner = node.as_table()) {
       if (inner->empty()) values.push_back({path, std::monostate{}});
       collect(*inner, path + ".", name, values);
@@ -386,7 +386,7 @@ void collect(const toml::table& table, const std::string& before, const std::str
     } else if (node.is_string()) {
       values.push_back({path, *node.value<std::string>()});
     } else {
-      refuse(name + ": '" + path + "' is neither a number, a text, true nor false");
+      refuse(name + ": '" + path + "' is not a number, text, true or false");
     }
   }
 }
@@ -422,8 +422,8 @@ TomlDocument TomlDocument::from_values(const std::vector<TomlValue>& values, std
     for (std::size_t deep = 0;; ++deep) {
       const std::size_t dot = left.find('.');
       const std::string key(left.substr(0, dot));
-      if (!is_plain_key(key)) refuse(name + ": key '" + entry.path + "' has more than a-z, 0-9 and _");
-      if (deep > kTablesDeepMax) refuse(name + ": '" + entry.path + "' has too many tables in each other");
+      if (!is_plain_key(key)) refuse(name + ": key '" + entry.path + "' may contain only a-z, 0-9 and _");
+      if (deep > kTablesDeepMax) refuse(name + ": '" + entry.path + "' is nested too deeply");
       if (dot == std::string_view::npos) {
         if (table->contains(key)) refuse(name + ": '" + entry.path + "' comes twice");
         put(*table, key, entry.value);

@@ -151,10 +151,9 @@ Exporter::Exporter(const std::string& address, bool anybody, std::function<void(
     : impl_(std::make_unique<Impl>()) {
   net::Address at = net::parse_address(address, "--metrics");
   if (!net::is_loopback(at) && !anybody) {
-    throw UserError(
-        "--metrics " + address +
-        ": off loopback anybody who reaches the port can read it, unencrypted; give --metrics-public "
-        "too if that is meant, or 127.0.0.1:PORT");
+    throw UserError("--metrics " + address +
+                    ": on a non-loopback address anyone who reaches the port can read it, unencrypted; add "
+                    "--metrics-public if you want that, or give 127.0.0.1:PORT");
   }
   impl_->collected = std::make_shared<Collected>(std::move(fill));
   impl_->pages = std::move(pages);

@@ -56,7 +56,8 @@ PeerUser::PeerUser() {
   if (own >= 0) ::close(own);
   if (good) return;
   if (socket_ >= 0) ::close(socket_);
-  throw UserError("--local-users: this kernel does not say whose a socket is (udp_diag); use --keys instead");
+  throw UserError(
+      "--local-users: this kernel does not tell the owner of a socket (udp_diag); use --keys instead");
 }
 
 PeerUser::~PeerUser() {

@@ -21,24 +21,25 @@ void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
       "Connect token: servers and a temporary key, instead of --server and --key");
   token->type_name("FILE");
   if (CLI::Option* const server = command.get_option_no_throw("--server")) token->excludes(server);
-  command.add_option("--key", access.key, "Key file of this station, for an encrypted session")
+  command.add_option("--key", access.key, "This station's key file, for an encrypted session")
       ->type_name("FILE");
   command
       .add_option("--identity", access.identity,
-                  "This station's own key pair (telenano-master enroll), instead of --key; with --server-key")
+                  "This station's key pair (telenano-master enroll), instead of --key; needs --server-key")
       ->type_name("FILE");
   command
       .add_option("--server-key", access.server_key,
-                  "The server's public key, as telenano-nve keys identity prints it; for several servers, "
+                  "The server's public key, as printed by telenano-nve keys identity; several servers: "
                   "separated by commas")
       ->type_name("sha256:HEX");
   command
       .add_option("--cert", access.certificate,
-                  "Certificate of this station (PEM), instead of --key; with --cert-key and --ca")
+                  "This station's certificate (PEM), instead of --key; needs --cert-key and --ca")
       ->type_name("FILE");
   command.add_option("--cert-key", access.certificate_key, "Private key of --cert (PEM)")->type_name("FILE");
   command
-      .add_option("--ca", access.authority, "Authorities that may have signed the server's certificate (PEM)")
+      .add_option("--ca", access.authority,
+                  "Certificate authorities that are trusted to sign the server's certificate (PEM)")
       ->type_name("FILE");
   command
       .add_option("--connect-timeout-s", access.connect_timeout_s,

@@ -28,11 +28,11 @@ void enroll(const EnrollOptions& options) {
   const bool there = std::filesystem::exists(path, none);
   const std::string key =
       there ? security::read_identity_name(path, "--out") : security::create_identity(path, "--out");
-  std::fprintf(
-      stderr,
-      "telenano-master: %s %s; it never leaves this machine. Run this on the server's, or send it to whoever "
-      "does:\n",
-      path.c_str(), there ? "is this station's key pair already" : "holds this station's new key pair");
+  std::fprintf(stderr,
+               "telenano-master: %s %s; it must never leave this machine. Run this line on the server's "
+               "machine, or send it to the server's administrator:\n",
+               path.c_str(),
+               there ? "already holds this station's key pair" : "holds this station's new key pair");
   std::printf("telenano-nve keys add %s --public %s\n", options.name.c_str(), key.c_str());
 }
 

@@ -20,7 +20,7 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
   const std::string& server = servers.name();
   const auto tip_stayed_up = [&](const std::string& what) {
     return fmt::format(
-        "{}: the slave at {} kept the tip withdrawn the whole time, and the force was zero; its log says why",
+        "{}: the server at {} kept the tip withdrawn all the time, so the force was zero; its log says why",
         what, server);
   };
   switch (live.ending()) {
@@ -40,11 +40,11 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
     case Ending::kServerGone:
       if (live.progress().shutting_down) {
         return fmt::format(
-            "the server at {} has shut down and not come back within {:g} s; the force is zero", server,
+            "the server at {} shut down and did not come back within {:g} s; the force is zero", server,
             options.give_up_s);
       }
       if (servers.size() > 1)
-        return fmt::format("none of the servers {} has taken the session within {:g} s; the force is zero",
+        return fmt::format("none of the servers {} accepted the session within {:g} s; the force is zero",
                            options.server, options.give_up_s);
       return fmt::format("the server at {} has been silent for {:g} s; the force is zero{}", server,
                          options.give_up_s, servers.link().failure());

@@ -69,7 +69,9 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
     way.wait_readable(sent < count ? std::max<std::int64_t>(next_ns - clock.now_ns(), 1) : 1'000'000);
   }
   if (round_trips_ns.empty())
-    throw RunError("the server opened a session but answers no command; is the link one-way or very lossy?");
+    throw RunError(
+        "the server opened a session but does not answer commands; does the link work in one direction only, "
+        "or lose most packets?");
   std::sort(round_trips_ns.begin(), round_trips_ns.end());
   return {quantile_s(round_trips_ns, 0.5), quantile_s(round_trips_ns, 0.99), sent,
           static_cast<int>(round_trips_ns.size())};

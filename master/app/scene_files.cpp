@@ -50,9 +50,8 @@ std::string joined(const std::vector<std::string>& words) {
 std::string scan_of(const std::string& scene_path, const std::string& text) {
   const LocalScene scene = read_scene(scene_path);
   if (scene.scan_path.empty()) {
-    throw UserError(fmt::format(
-        "--surface {}: the surface of this scene is no scan; leave --surface out, and a plane is drawn",
-        text));
+    throw UserError(
+        fmt::format("--surface {}: this scene has no scan; without --surface a plane is drawn", text));
   }
   return scene.scan_path;
 }
@@ -98,9 +97,8 @@ std::string find_surface(const std::string& text) {
   if (among(text, scans) || (among(stem, scans) && fs::path(text).extension() == ".gsf"))
     return config::find_shared(text, "data", ".gsf");
   throw UserError(fmt::format(
-      "--surface {}: there is no such file here, and neither a scene nor a scan of this name came with the "
-      "programs (scenes: {}; scans: {})",
-      text, joined(scenes), joined(scans)));
+      "--surface {}: no such file, and no supplied scene or scan has this name (scenes: {}; scans: {})", text,
+      joined(scenes), joined(scans)));
 }
 
 std::string doubt_of_surface(const GivenSurface& given, const config::SlaveLimits& session) {
@@ -108,8 +106,7 @@ std::string doubt_of_surface(const GivenSurface& given, const config::SlaveLimit
   if (local) {
     if (local->scan_path.empty() && given.scan.title != session.scene_name) {
       throw UserError(fmt::format(
-          "--surface {}: the session's scene '{}' has no scan; leave --surface out, and a plane is "
-          "drawn",
+          "--surface {}: the session's scene '{}' has no scan; without --surface a plane is drawn",
           given.path, session.scene_name));
     }
     const std::string hash = fmt::format("{:016x}", fnv1a(given.bytes, fnv1a(local->text)));

@@ -88,10 +88,9 @@ void read_companding(const TomlTable& table, StationFile& file) {
     try {
       device::parse_task(name);
     } catch (const std::exception&) {
-      table.fail("tasks",
-                 "'" + std::string(name) +
-                     "' is unknown; expected all, or names with commas of position, contact, indent, "
-                     "scan, script, hand");
+      table.fail("tasks", "'" + std::string(name) +
+                              "' is unknown; expected all, or some of position, contact, indent, scan, "
+                              "script, hand, separated by commas");
     }
   }
 }

@@ -392,10 +392,10 @@ const char* verdict_text(DynamicsVerdict verdict) noexcept {
     case DynamicsVerdict::kGood:
       return "";
     case DynamicsVerdict::kTooShort:
-      return "too little was measured: the machine paused too often; end other programs, or give --seconds "
-             "more";
+      return "too little was measured: the machine paused too often; close other programs, or give a larger "
+             "--seconds";
     case DynamicsVerdict::kDoesNotMove:
-      return "the handle hardly moves: take hands and things off it, and see that the motors are on";
+      return "the handle hardly moves: take hands and objects off it, and check that the motors are on";
     case DynamicsVerdict::kHeld:
       return "something as stiff as a hand holds the handle: let go of it";
     case DynamicsVerdict::kChanges:

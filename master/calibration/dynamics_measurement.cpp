@@ -46,9 +46,10 @@ const char* end_text(MeasurementEnd end) noexcept {
     case MeasurementEnd::kMoves:
       return "the handle moves before any force: put it down, let go, start again";
     case MeasurementEnd::kTooFar:
-      return "the handle went too far from where it rested: keep hands off, and see that nothing pulls at it";
+      return "the handle moved too far from its rest position: keep hands off, and check that nothing pulls "
+             "at it";
     case MeasurementEnd::kTooFast:
-      return "the handle went too fast: keep hands off";
+      return "the handle moved too fast: keep hands off";
     case MeasurementEnd::kDevice:
       return "the device shows no force";
     case MeasurementEnd::kStopped:

@@ -20,8 +20,8 @@ std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::
           refuse.version_min, refuse.version_max, link::kProtocolVersion);
     case link::RefuseReason::kFull:
       return fmt::format(
-          "the server at {} has no room for one more session; try again later, or start it with a larger "
-          "--max-sessions, or --sessions-per-peer if this key or address has many",
+          "the server at {} has no room for another session; try again later, or start it with a larger "
+          "--max-sessions, or --sessions-per-peer if this key or address has many sessions",
           server);
     case link::RefuseReason::kRate:
       return fmt::format("the server at {} does not serve sessions of {} Hz; try a lower --rate", server,
@@ -29,7 +29,8 @@ std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::
     case link::RefuseReason::kShuttingDown:
       return fmt::format("the server at {} is shutting down", server);
   }
-  return fmt::format("the server at {} refuses, for a reason that this station does not know", server);
+  return fmt::format("the server at {} refuses for a reason that this version of the station does not know",
+                     server);
 }
 
 std::uint64_t random_nonce_seed() {
@@ -73,8 +74,9 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
   }
   const std::uint32_t rate_max_hz = session.welcome().slave_rate_max_hz;
   if (rate_max_hz != 0 && rate_hz > rate_max_hz) {
-    throw RunError(fmt::format("the slave at {} takes at most {} commands a second; give --rate {} or less",
-                               name, rate_max_hz, rate_max_hz));
+    throw RunError(
+        fmt::format("the slave at {} accepts at most {} commands per second; give --rate {} or less", name,
+                    rate_max_hz, rate_max_hz));
   }
 }
 

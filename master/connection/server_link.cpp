@@ -33,16 +33,16 @@ void check_together(const ServerAccess& options) {
   const bool all =
       !options.certificate.empty() && !options.certificate_key.empty() && !options.authority.empty();
   if (any && !all) throw UserError("--cert, --cert-key and --ca go together; give all three, or --key FILE");
-  if (any && !options.key.empty()) throw UserError("--key and --cert: give one of them");
+  if (any && !options.key.empty()) throw UserError("give either --key or --cert");
   if (!options.token.empty() && (any || !options.key.empty()))
-    throw UserError("--token holds a key: leave out --key and --cert");
+    throw UserError("--token contains a key: omit --key and --cert");
   if (options.identity.empty() != options.server_key.empty()) {
     throw UserError(
-        "--identity and --server-key go together: telenano-nve keys add prints both when it lets this "
-        "station in");
+        "--identity and --server-key are used together: telenano-nve keys add prints both when it adds this "
+        "station");
   }
   if (!options.identity.empty() && (any || !options.key.empty() || !options.token.empty()))
-    throw UserError("--identity: leave out --key, --token and --cert");
+    throw UserError("--identity: omit --key, --token and --cert");
 }
 
 void check_flags(const ServerAccess& options, const net::Address& server) {
@@ -129,13 +129,13 @@ std::string ServerLink::advice(const std::string& server) const {
       return fmt::format("nothing listens on UDP port {} there: start {}, or correct the port of --server",
                          port, start);
     case net::Unreachable::kHost:
-      return "there is no way to that host: check --server, the cable and the network (ip route get)";
+      return "there is no route to that host: check --server, the cable and the network (ip route get)";
     case net::Unreachable::kNo:
       break;
   }
   return fmt::format(
-      "silence: is {} running there{}, and does every firewall on the way let UDP port {} through?", start,
-      dtls_ ? "" : " (one with --keys asks for --key here, one with --local-users for a user whom it names)",
+      "no reply: is {} running there{}, and does every firewall on the way let UDP port {} through?", start,
+      dtls_ ? "" : " (if it runs with --keys, give --key here; with --local-users, it must list this user)",
       port);
 }
 

@@ -14,7 +14,7 @@ std::vector<std::string> server_names(const std::string& list, const char* flag,
     const std::size_t comma = std::min(list.find(',', from), list.size());
     names.push_back(list.substr(from, comma - from));
     if (names.back().empty())
-      throw UserError(fmt::format("{} '{}': a place is empty; give {}", flag, list, expected));
+      throw UserError(fmt::format("{} '{}': an entry is empty; give {}", flag, list, expected));
     from = comma + 1;
   }
   return names;

@@ -171,7 +171,8 @@ IntendedMotion IntendedMotion::from_csv(std::istream& input, const std::string& 
       fail("expected four finite numbers " + std::string(kCsvHeader) +
            ", time 0 to 86400 s, positions within +-1e6 nm");
     }
-    if (!points.empty() && !(row[0] > points.back().time_s)) fail("expected t_s to rise from line to line");
+    if (!points.empty() && !(row[0] > points.back().time_s))
+      fail("expected t_s to increase from line to line");
     if (points.size() >= kMaxWaypoints) fail("more than a million waypoints");
     points.push_back({row[0], Vec3(row[1], row[2], row[3])});
   }

@@ -52,7 +52,7 @@ File open_folder(const fs::path& folder, std::string& why) {
     return File(-1);
   }
   if (about.st_uid != ::geteuid() || (about.st_mode & 0077) != 0) {
-    why = "the folder is not this user's alone (chmod 700)";
+    why = "other users have access to the folder (chmod 700)";
     return File(-1);
   }
   return File(::dup(opened.fd()));

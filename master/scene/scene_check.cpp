@@ -94,7 +94,8 @@ void unpack(recording::Unpacker& from, surface::HeightGrid& grid) {
   }
   if (!good)
     throw RunError(std::string(kSubject) + ": its surface cannot be drawn: more than " +
-                   std::to_string(SceneChecker::kGroundMax) + " heights a side, or numbers that are none");
+                   std::to_string(SceneChecker::kGroundMax) +
+                   " heights per side, or values that are not numbers");
 }
 
 recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {

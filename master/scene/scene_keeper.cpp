@@ -125,7 +125,8 @@ void SceneKeeper::take_offer(const loop::OfferedScene& offer, std::int64_t now_n
 
 void SceneKeeper::use(std::string bundle, bool cached) {
   const auto bytes = std::make_shared<const std::string>(std::move(bundle));
-  if (sha256(*bytes) != hash_of(offered_)) return give_up("what it sent has another hash than it said");
+  if (sha256(*bytes) != hash_of(offered_))
+    return give_up("the data received does not have the announced hash");
   {
     const std::lock_guard lock(mutex_);
     bundle_ = bytes;

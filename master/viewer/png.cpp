@@ -10,7 +10,7 @@ namespace telenano::viewer {
 void write_png(const std::string& path, const Picture& picture) {
   if (stbi_write_png(path.c_str(), picture.width_px, picture.height_px, 3, picture.rgb.data(),
                      3 * picture.width_px) == 0) {
-    throw RunError(path + ": the picture cannot be written: is there such a folder, and room?");
+    throw RunError(path + ": the picture cannot be written: check that the folder exists and has free space");
   }
 }
 

@@ -74,7 +74,7 @@ void write_text(const std::string& name, const std::string& text) {
   std::ofstream file(name, std::ios::binary);
   file << text;
   file.close();
-  if (!file) throw RunError(fmt::format("{}: cannot be written; is there room and the right to?", name));
+  if (!file) throw RunError(fmt::format("{}: cannot be written; check free space and permissions", name));
 }
 
 Picture picture_of_window(int width_px, int height_px) {

@@ -27,7 +27,7 @@ std::string& last_error() {
 
 [[noreturn]] void refuse() {
   throw RunError("no window can be opened: " + (last_error().empty() ? "no display" : last_error()) +
-                 "; log in graphically or with ssh -X, or leave --view out");
+                 "; log in graphically or with ssh -X, or omit --view");
 }
 
 // What was scaled up may not fit; and what is written large needs more than the least size of small words.

@@ -31,7 +31,7 @@ std::unique_ptr<AfmPort> make_adapter(std::string_view name, const AfmConfig& co
     if (adapter.name == name) return adapter.make(config);
     known += (known.empty() ? "" : ", ") + std::string(adapter.name);
   }
-  throw UserError("--slave " + std::string(name) + ": there is no such controller; known are: " + known);
+  throw UserError("--slave " + std::string(name) + ": unknown controller; known controllers: " + known);
 }
 
 }  // namespace telenano::afm

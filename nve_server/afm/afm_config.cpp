@@ -28,7 +28,7 @@ AfmConfig load_afm_config(const std::string& path) {
     calibration.fail("z_sign", "expected 1 (larger Z is away from the sample) or -1 (towards it)");
   c.sensitivity_nm_v = calibration.number("sensitivity_nm_v", between(-1e4, 1e4));
   if (c.sensitivity_nm_v == 0)
-    calibration.fail("sensitivity_nm_v", "0 measures nothing; expected nm a volt, signed");
+    calibration.fail("sensitivity_nm_v", "0 is not possible; expected nm per volt, with its sign");
   c.spring_constant_n_m = calibration.number("spring_constant_n_m", between(0.001, 1000));
   c.lateral_nn_v = calibration.number("lateral_nn_v", between(-1e6, 1e6));
   c.across_n_m = calibration.number_or("across_n_m", between(0.1, 1e5), AfmConfig{}.across_n_m);

@@ -32,7 +32,7 @@ std::string_view name(Phase phase) noexcept {
 
 std::string_view name(Cause cause) noexcept {
   constexpr std::string_view kNames[] = {"none",
-                                         "no session for long",
+                                         "no session for a long time",
                                          "link loss",
                                          "stop",
                                          "force limit",
@@ -114,7 +114,8 @@ void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   if (state_.phase == Phase::kRefused) return;
   if (state_.phase == Phase::kChecking) {
     const std::string who = "port of " + std::string(name(role)) + ": ";
-    refuse(loss == Loss::kGarbage  ? who + "what answers there does not speak the controller's protocol"
+    refuse(loss == Loss::kGarbage
+               ? who + "the program that answers there does not speak the controller's protocol"
            : loss == Loss::kSilent ? who + "the controller does not answer; is another client using it?"
                                    : who + "closed by the controller; is it in use by another client?");
     return;
@@ -123,7 +124,7 @@ void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   withdraw(loss == Loss::kSilent ? Cause::kSilent : Cause::kConnection, now_ns);
   tell("withdrawing: port of " + std::string(name(role)) +
        (loss == Loss::kSilent    ? " does not answer"
-        : loss == Loss::kGarbage ? " gives no answer to what was asked"
+        : loss == Loss::kGarbage ? " does not answer the question"
                                  : " was closed"));
 }
 
@@ -193,7 +194,7 @@ void AfmLogic::answered(Role role, const AfmReading& said, std::int64_t now_ns) 
                    [](double n) { return std::isfinite(n); })) {
     reading = {};
     reading.refused = "an answer";
-    reading.why = "it holds what is no number";
+    reading.why = "it contains a value that is not a number";
   }
   c.busy = false;
   const AfmOp op = c.call.op;
@@ -208,7 +209,7 @@ void AfmLogic::answered(Role role, const AfmReading& said, std::int64_t now_ns) 
     ++state_.latches;
     cleared_ = wish_.clears;
     tell(
-        "the last server did not end with the tip withdrawn: it stays up until an operator engages, or says "
+        "the last server did not end with the tip withdrawn: it stays up until an operator engages, or runs "
         "telenano-nve afm approve");
     return;
   }
@@ -305,7 +306,7 @@ void AfmLogic::on_held(const AfmReading& reading, std::int64_t now_ns) {
   ++held_asked_;
   if (reading.unfit.empty()) return;
   withdraw(Cause::kController, now_ns);
-  tell("withdrawing: " + reading.unfit + ": look who did, then start the server again");
+  tell("withdrawing: " + reading.unfit + ": find out who did it, then start the server again");
   refusal_ = news_;
 }
 

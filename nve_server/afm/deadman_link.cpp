@@ -168,10 +168,11 @@ void meet_deadman(const net::Address& address, const DeadmanKey& key) {
       const auto next = reader.next(header, body);
       if (next == nanonis::FrameReader::Status::kNeedMore) break;
       if (next == nanonis::FrameReader::Status::kBroken || !link.feed(header, body) || link.broken())
-        throw UserError(where + (beaten ? " does not prove that it has the key: [deadman] key must be a copy "
-                                          "of its own"
-                                        : ": what answers there is no deadman of this version; --ports lists "
-                                          "motion, reads, data and the deadman's port"));
+        throw UserError(
+            where +
+            (beaten ? " does not prove that it has the key: [deadman] key must be a copy of the deadman's key"
+                    : ": the program that answers there is not a deadman of this version; --ports lists "
+                      "motion, reads, data and the deadman's port"));
     }
     if (link.answers() > 0) break;
     if (!link.greeted() || beaten) continue;
@@ -190,10 +191,10 @@ void meet_deadman(const net::Address& address, const DeadmanKey& key) {
     case DeadmanState::kLatched:
       throw UserError(where + " has withdrawn the tip: look at it, then run deadman.py clear there");
     case DeadmanState::kInUse:
-      throw UserError(where + " watches over another server: stop that one first");
+      throw UserError(where + " guards another server: stop that server first");
     case DeadmanState::kNoController:
       throw UserError(where +
-                      " does not reach the controller's emergency port: look at `controller` in its "
+                      " does not reach the controller's emergency port: check `controller` in its "
                       "deadman.toml, and whether another program uses that port");
   }
 }

@@ -121,7 +121,7 @@ void SimServer::answer(Port& port, std::int64_t now) {
   if (!port.unknown.empty()) {
     // Whatever it returns if it is a command: the error alone can be read without knowing.
     const nanonis::Command none{nanonis::CommandId::kStop, port.unknown, "", ""};
-    bytes = nanonis::encode_answer(none, {{}, {}, 1, "there is no such command, or its body is another"},
+    bytes = nanonis::encode_answer(none, {{}, {}, 1, "unknown command, or its body has another length"},
                                    nanonis::ErrorForm::kAlone);
     port.unknown.clear();
   } else {

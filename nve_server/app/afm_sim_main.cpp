@@ -42,7 +42,7 @@ void run(Options options) {
   const auto scene = options.scene.empty() ? afm_sim::default_scene() : scene::load_scene(options.scene);
   if (options.error_alone) options.rig.error_form = nanonis::ErrorForm::kAlone;
   if (options.rig.deflection_nm_v == 0)
-    throw UserError("--deflection-nm-v: 0 measures nothing; expected nm a volt");
+    throw UserError("--deflection-nm-v: 0 is not possible; expected nm per volt");
   afm_sim::SimServerOptions server_options;
   for (const std::uint16_t port : app::parse_port_list(options.ports, "--ports"))
     server_options.ports.push_back(

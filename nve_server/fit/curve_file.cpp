@@ -238,7 +238,7 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns) {
   const std::size_t count = little(bytes, 136, 4);
   if (width == 0) return fail("is an Igor wave of another type than real floating point");
   if (rows < 1 || rows > kPointsMax || count < 2 || count > kColumnsMax || little(bytes, 140, 4) != 0)
-    return fail("is an Igor wave of another shape than points by 2 to 64 columns: no force curve");
+    return fail("is an Igor wave, but not of points by 2 to 64 columns: not a force curve");
   const std::size_t data = rows * count * width;
   if (bytes.size() - kHeader < data) return fail("is cut off: an Igor wave whose numbers are not all there");
   // After the numbers: formula, note, units, labels.
@@ -319,7 +319,7 @@ RawCurve read_curve(std::string_view bytes, const ColumnChoice& columns) {
   if (bytes.starts_with(std::string_view("\5\0", 2))) return read_ibw(bytes, columns);
   if (bytes.starts_with(kHdf5Begin)) return read_hdf5(bytes, columns);
   if (columns.number > 0) {
-    curve.error = "holds one curve: there is none of number " + std::to_string(columns.number);
+    curve.error = "contains one curve only: there is no curve number " + std::to_string(columns.number);
     return curve;
   }
   if (bytes.starts_with("\\*Force file list") || bytes.starts_with("\\*File list"))

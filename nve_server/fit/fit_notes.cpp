@@ -117,8 +117,8 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
           number(setup.modulus_max_gpa) + " GPa): is the tip's radius right?");
     }
     if (e.name == "E" && std::abs(e.sensitivity_invols) > 5) {
-      say("E and the deflection's sensitivity are hardly told apart on so stiff a sample: 1 % of InvOLS "
-          "moves E by " +
+      say("E and the deflection sensitivity can hardly be separated on such a stiff sample: 1 % of InvOLS "
+          "changes E by " +
           number(std::abs(e.sensitivity_invols)) + " %");
     }
     if (e.name == "R" && fit.lambda > 0 && !(fit.lambda >= 0.1 && fit.lambda <= 5.0)) {

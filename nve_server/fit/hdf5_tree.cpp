@@ -408,7 +408,7 @@ bool Hdf5Tree::column(Address object, std::size_t most, std::vector<double>& out
   const bool number = type.kind == Datatype::Kind::kFloat || type.kind == Datatype::Kind::kSigned ||
                       type.kind == Datatype::Kind::kUnsigned;
   if (!space.good || space.rank != 1 || !number) {
-    why = "is no row of real numbers";
+    why = "is not a row of real numbers";
     return false;
   }
   if (space.count > most) {

@@ -95,7 +95,7 @@ Table read_table(std::string_view text, const std::string& formats, const std::s
   if (header.empty()) {
     table.error =
         all.find('\0') != std::string_view::npos
-            ? "is in no format that is read: expected " + formats + "a table with columns like " + like
+            ? "is not in a supported format: expected " + formats + "a table with columns like " + like
             : "has no table with a line of column names, like " + like;
     return table;
   }

@@ -97,7 +97,7 @@ void read_series(const std::vector<double>& time_s, const std::vector<double>& v
   }
   const double step_s = (time_s[n - 1] - time_s[0]) / static_cast<double>(n - 1);
   if (!(step_s > 0)) {
-    spectrum.error = "has a time that does not grow";
+    spectrum.error = "has a time that does not increase";
     return;
   }
   for (std::size_t i = 0; i < n; ++i) {

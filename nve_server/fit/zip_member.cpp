@@ -30,7 +30,7 @@ ZipDirectory read_zip(std::string_view bytes) {
     directory.error = why;
     return directory;
   };
-  if (bytes.size() < kEndBytes) return fail("is no whole zip archive: it is too short");
+  if (bytes.size() < kEndBytes) return fail("is not a complete zip archive: it is too short");
   const std::size_t last = bytes.size() - kEndBytes;
   const std::size_t first = last > kCommentMax ? last - kCommentMax : 0;
   std::size_t end = std::string_view::npos;
@@ -41,7 +41,7 @@ ZipDirectory read_zip(std::string_view bytes) {
     }
   }
   if (end == std::string_view::npos)
-    return fail("is no whole zip archive: its directory is missing (cut off?)");
+    return fail("is not a complete zip archive: its directory is missing (cut off?)");
   const std::size_t count = number(bytes, end + 10, 2);
   std::size_t at = number(bytes, end + 16, 4);
   if (count > kMembersMax) return fail("has more than 4096 files in its archive, expected one force curve");

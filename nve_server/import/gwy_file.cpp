@@ -187,7 +187,7 @@ std::string for_each_component(std::string_view data, const std::string& of, con
                " is longer than what is left of it";
       case Next::kUnknownType:
         return "is damaged: in " + of + " the component '" + printable(component.name) +
-               "' has no type that the format knows";
+               "' has a type that the format does not know";
     }
   }
 }
@@ -300,7 +300,7 @@ GwyFile read_gwy(std::string_view bytes) {
     file.error = std::move(why);
     return file;
   };
-  if (!is_gwy(bytes)) return refuse("is no Gwyddion file: expected GWYP at its beginning");
+  if (!is_gwy(bytes)) return refuse("is not a Gwyddion file: expected GWYP at its beginning");
   Bytes left(bytes.substr(kMagic.size()));
   const auto container = object_of(left);
   if (!container) return refuse("is truncated or damaged: its container is longer than the file");

@@ -44,7 +44,8 @@ void read_contact(const TomlTable& table, Scene& scene) {
   scene.hamaker_aj = table.optional_number("hamaker_aj", between(1e-7, 1e4));
   if (!scene.hamaker_aj) return;
   if (distance)
-    table.fail("hamaker_aj", "says the equilibrium distance, too (H = 12 pi z0^2 w): give one of them");
+    table.fail("hamaker_aj",
+               "determines the equilibrium distance as well (H = 12 pi z0^2 w): give one of them");
   take_distance(scene.hamaker_aj, law);
 }
 
@@ -62,7 +63,7 @@ physics::CapillaryParameters read_capillary(const TomlTable& table) {
                                                : physics::CapillaryModel::kConstantCurvature;
   if (const auto volume = table.optional_number("volume_nm3", config::positive(1e9))) {
     if (capillary.model != physics::CapillaryModel::kConstantVolume) {
-      table.fail("volume_nm3", "goes with model = \"constant-volume\" only");
+      table.fail("volume_nm3", "works only with model = \"constant-volume\"");
     }
     capillary.volume_nm3 = *volume;
   }
@@ -105,7 +106,7 @@ void read_long_range(const TomlTable& table, Scene& scene) {
   physics::LongRangeParameters& far = law.long_range;
   const auto retardation = table.optional_number("retardation_nm", between(1.0, 1e4));
   if (retardation && !law.van_der_waals) {
-    table.fail("retardation_nm", "weakens van der Waals, which this scene leaves out");
+    table.fail("retardation_nm", "weakens van der Waals forces, which this scene switches off");
   }
   far.retardation_nm = retardation.value_or(0.0);
   const auto cone = table.optional_number("cone_half_angle_deg", {0.0, 80.0, true, false});
@@ -154,7 +155,7 @@ void read_forces(const TomlTable& root, Scene& scene) {
   if (const auto forces = root.optional_table("forces")) read_long_range(*forces, scene);
   if (scene.hamaker_aj) {
     if (!law.van_der_waals)
-      contact->fail("hamaker_aj", "is that of van der Waals, which this scene leaves out");
+      contact->fail("hamaker_aj", "belongs to van der Waals forces, which this scene switches off");
     if (!(law.equilibrium_distance_nm >= kLeastDistance_nm &&
           law.equilibrium_distance_nm <= kGreatestDistance_nm)) {
       contact->fail("hamaker_aj",
@@ -172,8 +173,8 @@ void read_forces(const TomlTable& root, Scene& scene) {
   if (extended &&
       (law.model != physics::ContactLaw::kMaugisDugdale || law.method == physics::MaugisMethod::kTable)) {
     root.fail("contact",
-              "retardation, cone, electrostatic and capillary forces go with law = \"maugis-dugdale\", "
-              "method = \"direct\"");
+              "retardation, cone, electrostatic and capillary forces need law = \"maugis-dugdale\", method = "
+              "\"direct\"");
   }
   if (const auto friction = root.optional_table("friction")) scene.friction = read_friction(*friction, scene);
 }

@@ -43,7 +43,7 @@ void read_probe(const TomlTable& table, Scene& scene) {
   const bool sideways = parameters.lateral_stiffness_n_m || parameters.longitudinal_stiffness_n_m;
   if (sideways && !parameters.stiffness_n_m) {
     table.fail(parameters.lateral_stiffness_n_m ? "lateral_stiffness_n_m" : "longitudinal_stiffness_n_m",
-               "goes with stiffness_n_m only; a beam has its own");
+               "works only with stiffness_n_m; a beam has its own");
   }
   const auto tilt = table.optional_number("tilt_deg", between(0.0, 45.0));
   const std::string points = table.choice_or("points", {"+y", "-y"}, "+y");

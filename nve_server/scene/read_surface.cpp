@@ -295,10 +295,10 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
   // Scenes from before say how the ground acts on the tip; there is one way now.
   if (table.text_or("force", "potential") != "potential") {
-    table.fail("force", "the nearest point (\"foot\") is gone, the ground is one potential: leave it out");
+    table.fail("force", "the nearest point (\"foot\") was removed: the ground is one potential; omit it");
   }
   if (table.has("radius_force")) {
-    table.fail("radius_force", "is part of the potential and no key any more: leave it out");
+    table.fail("radius_force", "is now part of the potential; omit it");
   }
   if (yields) {
     scene.marks = Marks{scene.sample.hardness_gpa, kPileUp};

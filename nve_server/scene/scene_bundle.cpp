@@ -175,7 +175,7 @@ std::vector<config::TomlValue> take_values(std::string_view bytes, const BundleL
     if (size == 0 || size > kPathBytesMax) refuse("a value's path has " + std::to_string(size) + " bytes");
     entry.path = from.take(size);
     if (!values.empty() && !(values.back().path < entry.path))
-      refuse("value " + shown(entry.path) + " comes twice or out of order");
+      refuse("value " + shown(entry.path) + " occurs twice or out of order");
     entry.value = take_value(from, kind, entry.path);
     values.push_back(std::move(entry));
   }
@@ -231,7 +231,7 @@ BundleParts open_bundle(std::string_view bytes, const BundleLimits& limits) {
   parts.values = take_values(content[2], limits);
   const config::TomlValue* const kind = find(parts.values, "surface.kind");
   const bool scan = kind != nullptr && kind->value == config::TomlValue::Held(std::string("scan"));
-  if (scan != (count == 3)) refuse(scan ? "its scan is missing" : "a scan that its surface does not ask for");
+  if (scan != (count == 3)) refuse(scan ? "its scan is missing" : "a scan that its surface does not use");
   parts.scan = content[0];
   parts.text = content[1];
   return parts;
@@ -247,7 +247,7 @@ std::shared_ptr<const Scene> decode_bundle(std::string_view bytes, const BundleL
 
 void check_bundle_text(const BundleParts& parts) {
   const auto said = values_without_paths(config::TomlDocument::parse(parts.text, kName), !parts.scan.empty());
-  if (said != parts.values) refuse("its text says other than its numbers");
+  if (said != parts.values) refuse("its text and its numbers differ");
 }
 
 }  // namespace telenano::scene

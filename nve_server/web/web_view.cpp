@@ -222,8 +222,8 @@ struct WebView::Impl {
     const net::Address at = net::parse_address(config.address, "--web");
     if (!net::is_loopback(at) && !config.anybody) {
       throw UserError("--web " + config.address +
-                      ": off loopback pictures and token travel unencrypted; give --web-public too if that "
-                      "is meant, or 127.0.0.1:PORT");
+                      ": on a non-loopback address pictures and token are sent unencrypted; add --web-public "
+                      "if you want that, or give 127.0.0.1:PORT");
     }
     const std::string text = net::to_string(at);
     const std::size_t colon = text.rfind(':');
@@ -237,7 +237,7 @@ struct WebView::Impl {
     if (!error) acceptor.listen(16, error);
     if (error) {
       throw UserError("--web " + config.address + ": cannot listen there: " + error.message() +
-                      "; choose another port, or see who has it with ss -tlpn");
+                      "; choose another port, or find out which program uses it with ss -tlpn");
     }
     std::ifstream file(config.three_js, std::ios::binary);
     three.assign(std::istreambuf_iterator<char>(file), {});
@@ -379,13 +379,13 @@ struct WebView::Impl {
     if (!has_cookie(request)) return no_right(request);
     if (live.size() >= config.clients_max)
       return plain(request, http::status::service_unavailable,
-                   "all places for browsers are taken (--web-clients)\n");
+                   "no free place for another browser (--web-clients)\n");
     return plain(request, http::status::ok, "");
   }
 
   static Response no_right(const Request& request) {
     return plain(request, http::status::forbidden,
-                 "open the address with its token, newest in what serve printed; each token works once\n");
+                 "open the newest address with a token that serve printed; each token works once\n");
   }
 
   Response respond(const Request& request, Tcp::socket& socket) {

@@ -7,7 +7,7 @@ import nanonis
 from test_afm_sim import Simulator
 
 FILE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "public_clients.txt")
-NO_SUCH = "there is no such command"
+NO_SUCH = "unknown command"
 
 
 def table():

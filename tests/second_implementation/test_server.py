@@ -203,7 +203,7 @@ class StationAtThePythonServer(unittest.TestCase):
             w.scene_bytes = 0xFFFFFFFF
 
         with tempfile.TemporaryDirectory() as folder:
-            for lie, bundle, words in ((other_hash, good, "another hash"), (huge, good, "4294967295 bytes"),
+            for lie, bundle, words in ((other_hash, good, "the announced hash"), (huge, good, "4294967295 bytes"),
                                        (lambda w: None, b"TLNB" + bytes(3000), "form 0"),
                                        (lambda w: None, (SEEDS / "bomb").read_bytes(), "scene bundle: ")):
                 serving = Serving(self)

@@ -30,11 +30,11 @@ void add_contact_command(CLI::App& app) {
   command->add_option("--law", arguments->law, "Contact law: md (Maugis-Dugdale, exact)")
       ->capture_default_str();
   command->add_option("--lambda", arguments->lambda,
-                      "Maugis parameters, separated by commas; each starts afresh");
-  command->add_option("--delta", arguments->delta, "Overlaps to visit in this order, separated by commas");
+                      "Maugis parameters lambda, separated by commas; each one starts from the beginning");
+  command->add_option("--delta", arguments->delta, "Overlaps, separated by commas, visited in this order");
   command
       ->add_option("--direction", arguments->direction,
-                   "approach: come from far away; retract: from deep contact")
+                   "approach: start far away; retract: start in deep contact")
       ->capture_default_str();
   command->add_flag(
       "--points", arguments->points,

@@ -221,23 +221,24 @@ class Fleet {
 
 void add_fleet_command(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
-  CLI::App* const command =
-      app.add_subcommand("fleet",
-                         "Thousands of stations at several servers, each with the next one of the list when "
-                         "its own is lost, while "
-                         "somebody else kills and drains servers; four lines of CSV a second");
-  command->add_option("--server", options->servers, "HOST:PORT,HOST:PORT of telenano-nve serve, in the clear")
+  CLI::App* const command = app.add_subcommand(
+      "fleet",
+      "Emulate thousands of stations on several servers; a station that loses its server goes to the next "
+      "one in the list. Kill and drain the servers meanwhile. Prints four CSV lines per second");
+  command
+      ->add_option("--server", options->servers,
+                   "HOST:PORT,HOST:PORT of telenano-nve serve without encryption")
       ->capture_default_str();
-  command->add_option("--sessions", options->sessions, "Stations, spread over the servers")
+  command->add_option("--sessions", options->sessions, "Number of stations, spread over the servers")
       ->capture_default_str()
       ->check(CLI::Range(1, 100'000));
-  command->add_option("--rate", options->rate_hz, "Commands a second of each")
+  command->add_option("--rate", options->rate_hz, "Commands per second of each station")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 1000.0));
-  command->add_option("--begin-s", options->begin_s, "They begin within this time")
+  command->add_option("--begin-s", options->begin_s, "Time within which all stations start, s")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 600.0));
-  command->add_option("--seconds", options->seconds, "Ends after so long")
+  command->add_option("--seconds", options->seconds, "Duration, s")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 86400.0));
   command->callback([options, &exit_code] {

@@ -23,7 +23,7 @@
 
 // What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
-  CLI::App app("Telenano's laboratory: the evidence, as CSV and plots", "telenano-lab");
+  CLI::App app("Telenano's laboratory: studies and measurements, as CSV and plots", "telenano-lab");
   app.set_version_flag("--version", std::string("telenano-lab ") + telenano::kVersion);
   app.require_subcommand(1);
   int exit_code = 0;
@@ -33,7 +33,8 @@ int main(int argc, char** argv) {
   telenano::studies::add_figures_command(app);
   telenano::studies::add_fleet_command(app, exit_code);
   telenano::studies::add_flood_command(app);
-  CLI::App* bench = app.add_subcommand("bench", "The product beside its floor, in one run");
+  CLI::App* bench =
+      app.add_subcommand("bench", "Benchmarks: the product and the lower limit of the machine, in one run");
   bench->require_subcommand(1);
   telenano::studies::add_loop_bench(*bench);
   telenano::studies::add_throughput_benches(*bench);

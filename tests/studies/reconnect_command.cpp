@@ -137,16 +137,16 @@ bool reconnect(const Options& options) {
 
 void add_reconnect_command(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
-  CLI::App* const command = app.add_subcommand(
-      "reconnect",
-      "Many sessions at one server: how long they take to begin, and to come back after it was killed and "
-      "started again, which somebody else does meanwhile; as CSV");
-  command->add_option("--server", options->server, "HOST:PORT of telenano-nve serve, in the clear")
+  CLI::App* const command =
+      app.add_subcommand("reconnect",
+                         "Open many sessions on one server and measure how long they take to start, and to "
+                         "come back after you kill and restart the server; as CSV");
+  command->add_option("--server", options->server, "HOST:PORT of telenano-nve serve without encryption")
       ->capture_default_str();
-  command->add_option("--sessions", options->sessions, "Sessions")
+  command->add_option("--sessions", options->sessions, "Number of sessions")
       ->capture_default_str()
       ->check(CLI::Range(1, 4096));
-  command->add_option("--seconds", options->seconds, "Give up after so long")
+  command->add_option("--seconds", options->seconds, "Time after which to give up, s")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 3600.0));
   command->callback([options, &exit_code] { exit_code = reconnect(*options) ? 0 : 1; });

@@ -110,45 +110,48 @@ void add_session_command(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
   CLI::App* const command = app.add_subcommand(
       "session",
-      "A whole session in virtual time (device, hand, station, link, server): CSV, one row a tick");
+      "Run a whole session in virtual time (device, hand, station, link, server); CSV with one row per tick");
   command
       ->add_option("--scene", options->scene,
-                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
+                   "Scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
-  command->add_option("--task", options->task, "Of the hand")
+  command->add_option("--task", options->task, "Task of the simulated hand")
       ->capture_default_str()
       ->type_name("{position,contact,indent,scan}");
-  command->add_option("--method", options->method, "How the port is kept passive")
+  command->add_option("--method", options->method, "Control method that keeps the session passive")
       ->capture_default_str()
       ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
-  command->add_option("--rate", options->station.rate_hz, "Hz of the station")
+  command->add_option("--rate", options->station.rate_hz, "Rate of the station, Hz")
       ->capture_default_str()
       ->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--velocity-scale", options->station.scaling.velocity, "alpha_v")
+  command->add_option("--velocity-scale", options->station.scaling.velocity, "Velocity scale alpha_v")
       ->capture_default_str();
-  command->add_option("--force-scale", options->station.scaling.force, "alpha_F")->capture_default_str();
-  command->add_option("--allowance-j", options->station.allowance_j, "E0 of the energy clamp")
+  command->add_option("--force-scale", options->station.scaling.force, "Force scale alpha_F")
       ->capture_default_str();
-  command->add_option("--duration-s", options->task_options.duration_s, "Length of the task")
+  command->add_option("--allowance-j", options->station.allowance_j, "Energy allowance E0, J")
+      ->capture_default_str();
+  command->add_option("--duration-s", options->task_options.duration_s, "Duration of the task")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 3600.0));
-  command->add_option("--depth-nm", options->task_options.depth_nm, "Intended depth of indent")
+  command->add_option("--depth-nm", options->task_options.depth_nm, "Intended depth of --task indent")
       ->capture_default_str();
-  command->add_option("--rtt-ms", options->delay_ms, "Round-trip delay of the link")
+  command->add_option("--rtt-ms", options->delay_ms, "Round-trip time of the link")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 5000.0));
   command
-      ->add_option("--jitter-ms", options->jitter_ms, "Added delay, uniform up to this, both ways together")
+      ->add_option("--jitter-ms", options->jitter_ms,
+                   "Random additional delay, uniform from 0 to this value, both directions together")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 5000.0));
-  command->add_option("--loss", options->loss, "Probability of loss, each way")
+  command->add_option("--loss", options->loss, "Probability of loss in each direction")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  command->add_option("--burst", options->burst, "Mean length of a run of losses, datagrams")
+  command->add_option("--burst", options->burst, "Mean length of a loss burst, datagrams")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e6));
-  command->add_option("--seed", options->seed, "Same seed, same bits")->capture_default_str();
+  command->add_option("--seed", options->seed, "Random seed; the same seed gives the same bits")
+      ->capture_default_str();
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }
 

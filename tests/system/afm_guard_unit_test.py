@@ -143,7 +143,7 @@ class Behaviour(unittest.TestCase):
                 ours.shutdown(socket.SHUT_WR)
                 guard = subprocess.run([NVE, "afm-guard", "--from-server"], stdin=its, capture_output=True, timeout=LONG_S)
             self.assertEqual(guard.returncode, 2, words)
-            self.assertIn(b"is no server that wants a guard", guard.stderr)
+            self.assertIn(b"is not a server that wants a guard", guard.stderr)
 
 
 if __name__ == "__main__":

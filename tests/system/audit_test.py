@@ -114,7 +114,7 @@ class AuditLog(unittest.TestCase):
         done = subprocess.run([NVE, "serve", "--scene", "flat_silicon_oxide", "--listen", "127.0.0.1:0", "--audit", "nowhere/audit.jsonl"],
                               cwd=self.folder, capture_output=True, text=True, timeout=LONG_S, check=False)
         self.assertEqual(done.returncode, 2, done.stderr)
-        self.assertRegex(done.stderr, "--audit nowhere/audit.jsonl: No such file or directory; name a file that can be appended to")
+        self.assertRegex(done.stderr, "--audit nowhere/audit.jsonl: No such file or directory; give a file that can be appended to")
         self.assertEqual(len(done.stderr.splitlines()), 1)
 
     @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full")

@@ -16,6 +16,7 @@ import sys
 import time
 import unittest
 
+import side_by_side
 from real_programs import LONG_S, RealPrograms
 
 NVE, MASTER = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
@@ -225,7 +226,7 @@ class Checkpoints(RealPrograms):
         open_folder.chmod(0o755)
         for words, said in ((("--checkpoint", str(self.folder / "none")), "is not a folder"),
                             (("--checkpoint", str(open_folder)), "chmod 700"),
-                            (("--checkpoint", str(self.kept), "--share", "one-tip"), "a tip that is shared is not kept"),
+                            (("--checkpoint", str(self.kept), "--share", "one-tip"), "a shared tip cannot be saved"),
                             (("--checkpoint", str(self.kept), "--slave", "afm", "--afm", "127.0.0.1:6501"), "")):
             words = words if "--slave" in words else words + ("--scene", "flat_silicon_oxide")
             done = subprocess.run([NVE, "serve", "--listen", "127.0.0.1:0", *words], cwd=self.folder, capture_output=True, text=True,
@@ -236,4 +237,4 @@ class Checkpoints(RealPrograms):
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + [word for word in sys.argv[3:] if word != "--all"], verbosity=2)
+    sys.exit(side_by_side.main(3 if ALL else 2, at_once=2))  # each case waits for most of its time

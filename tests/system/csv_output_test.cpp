@@ -6,6 +6,7 @@
 #include <set>
 
 #include "telenano/common/config/slave_limits_file.h"
+#include "telenano/master/app/devices/device_kinds.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -335,6 +336,42 @@ TEST(Help, EveryProgramExplainsItself) {
     EXPECT_EQ(run.exit_code, 0);
     EXPECT_EQ(run.out.rfind(std::filesystem::path(program).filename().string() + " 0.", 0), 0u) << run.out;
     EXPECT_EQ(run.err, "");
+  }
+}
+
+// The help of each command that takes a device offers those that it takes, and no command finds a device of the table unknown.
+TEST(Help, EveryDeviceIsOfferedWhereItIsTaken) {
+  const auto file = [](const app::DeviceRow& row) { return !row.reads_file; };
+  const auto force = [](const app::DeviceRow& row) { return row.shows_force; };
+  struct Command {
+    std::string name;
+    std::vector<std::string> devices;
+  };
+  const std::vector<Command> commands{{"run", app::device_names([](const app::DeviceRow&) { return true; })},
+                                      {"start", app::device_names(file)},
+                                      {"plan", app::device_names(force)},
+                                      {"calibrate", app::device_names([](const app::DeviceRow& row) {
+                                         return row.has_own_axes || row.shows_force;
+                                       })}};
+  for (const Command& command : commands) {
+    const Finished help = run_program({kMaster, command.name, "--help"});
+    EXPECT_NE(help.out.find("--device " + app::choices_text(command.devices)), std::string::npos)
+        << command.name << help.out;
+  }
+  for (const app::DeviceRow& row : app::kDeviceRows) {
+    const std::string given = std::string(row.name) + (row.reads_file ? ":no_such.h5" : "");
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"run", "--server", "127.0.0.1:1", "--no-view"},
+          std::vector<std::string>{"plan", "--limits", "no_such.csv"},
+          std::vector<std::string>{"calibrate", "--home"}}) {
+      std::vector<std::string> words{kMaster};
+      words.insert(words.end(), command.begin(), command.end());
+      words.insert(words.end(), {"--device", given, "--connect-timeout-s", "0.1"});
+      if (command[0] == "calibrate") words.resize(words.size() - 2);
+      const Finished refused = run_program(words);
+      EXPECT_NE(refused.exit_code, 0);
+      EXPECT_EQ(refused.err.find("unknown device"), std::string::npos) << refused.err;
+    }
   }
 }
 

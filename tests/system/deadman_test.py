@@ -412,7 +412,7 @@ class Start(Rig):
         (self.path / "server.key").write_text("nonsense\n")
         self.refused(self.serve_words(), "expected 64 hexadecimal digits")
         (self.path / "server.key").write_text(KEY.hex() + "\n")
-        self.refused(self.serve_words() + ["--without-deadman"], "leave out the one or the other")
+        self.refused(self.serve_words() + ["--without-deadman"], "omit one of the two")
         self.refused(self.serve_words(with_deadman=False), "without a deadman beside the controller the tip stays on the sample")
 
     def test_without_one_the_risk_is_said(self):
@@ -425,7 +425,7 @@ class Start(Rig):
         self.simulator()
         self.deadman()
         server = self.server()
-        self.refused(self.serve_words(), "watches over another server")
+        self.refused(self.serve_words(), "guards another server")
         server.stop()
 
     def test_the_deadmans_own_lines(self):

@@ -235,6 +235,15 @@ class Documents(unittest.TestCase):
         self.none(wrong)
         self.assertGreater(found, 30)
 
+    def test_what_is_started_first_exists(self):
+        self.needs_all_parts()
+        names = set(ctest())
+        if any(test.endswith("_NOT_BUILT") for test in names):
+            self.skipTest("not all test programs are built")
+        costly = re.findall(r'^set_tests_properties\("(.*?)"', (SOURCE / "tests/costs/costs.cmake").read_text(), flags=re.M)
+        self.assertGreater(len(costly), 50)
+        self.none([f"tests/costs/costs.cmake: there is no test {test}" for test in costly if test not in names])
+
     def test_commands_and_flags_exist(self):
         self.needs_all_parts()
         commands = [(path, command) for path in documents() for command in code(path.read_text())]

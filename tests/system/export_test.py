@@ -101,7 +101,7 @@ class Export(unittest.TestCase):
 
     def test_what_is_wrong_is_told_in_one_line(self):
         for words, part in ((["--columns", "time"], "has no column 'time'; it has:"), (["--from-s", "2", "--to-s", "1"], "later than"),
-                            (["--what", "curves", "--columns", "time_s"], "goes with"), (["--every", "0"], "--every")):
+                            (["--what", "curves", "--columns", "time_s"], "works only with"), (["--every", "0"], "--every")):
             done = run(MASTER, "export", self.file, *words, expect=2)
             self.assertIn(part, done.stderr)
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)

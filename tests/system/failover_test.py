@@ -84,7 +84,7 @@ class Failover(RealPrograms):
         for servers in ("127.0.0.1:5100,", ",127.0.0.1:5100", "127.0.0.1:5100,,127.0.0.1:5101"):
             station = self.station([servers])
             self.assertEqual(station.end(), 2)
-            self.assertIn("a place is empty; give HOST:PORT,HOST:PORT", station.text())
+            self.assertIn("an entry is empty; give HOST:PORT,HOST:PORT", station.text())
             self.assertEqual(len(station.text().splitlines()), 1)
 
     def test_a_server_killed_in_contact(self):
@@ -134,4 +134,4 @@ class Failover(RealPrograms):
 
 
 if __name__ == "__main__":
-    sys.exit(side_by_side.main(2, at_once=2))  # each case waits for most of its time
+    sys.exit(side_by_side.main(2, at_once=3))  # each case waits for most of its time

@@ -94,15 +94,15 @@ class Lever(unittest.TestCase):
         path.write_text("time_s,deflection_v\n" + "".join("%.8f,%.7g\n" % (step * i, x / 35.0) for i, x in enumerate(series)))
         self.assertIn("--invols-nm-v", self.fit("--thermal", path, code=2))
 
-    def test_exchanged_columns(self):
-        with open(self.folder / "curve.csv", newline="") as made, open(self.folder / "exchanged.csv", "w") as out:
+    def test_swapped_columns(self):
+        with open(self.folder / "curve.csv", newline="") as made, open(self.folder / "swapped.csv", "w") as out:
             out.write("direction,z_nm,force_nn\n")
             for row in csv.DictReader(made):
                 out.write("%s,%.6f,%.6f\n" % (row["direction"], K * float(row["deflection_nm"]), float(row["z_nm"])))
-        run = subprocess.run([nve, "fit", self.folder / "exchanged.csv", "--scene", "flat_polystyrene", "-o", self.folder / "no.toml"],
+        run = subprocess.run([nve, "fit", self.folder / "swapped.csv", "--scene", "flat_polystyrene", "-o", self.folder / "no.toml"],
                              capture_output=True, text=True, timeout=120)
-        self.assertIn("are the two columns exchanged? --z-column", run.stdout if run.returncode == 0 else run.stderr)
-        self.assertNotIn("exchanged", self.fit())
+        self.assertIn("are the two columns swapped? --z-column", run.stdout if run.returncode == 0 else run.stderr)
+        self.assertNotIn("swapped", self.fit())
 
     def test_reference(self):
         # On a spring of 20 N/m the deflection is 20/(40 + 20) of the base's way.
@@ -141,7 +141,7 @@ class Lever(unittest.TestCase):
                 (["--thermal", flat, "--thermal-band-hz", "9"], "LOW:HIGH"),
                 (["--thermal", flat, "--stiffness-n-m", "1"], "excludes"),
                 (["--thermal", flat, "--temperature-c", "-300"], "--temperature-c"),
-                (["--thermal-band-hz", "1:2"], "goes with --thermal"),
+                (["--thermal-band-hz", "1:2"], "needs --thermal"),
                 (["--reference-curve", self.folder / "curve.csv"], "--reference-stiffness-n-m"),
                 (["--reference-stiffness-n-m", "3"], "--reference-curve"),
                 (["--reference-curve", flat, "--reference-stiffness-n-m", "3"], "no column"),
@@ -179,7 +179,7 @@ class Lever(unittest.TestCase):
         self.assertAlmostEqual(self.polynomial_floor(*sin), floor, delta=0.15 * floor)
         said, ratio = said_of(*sin, "--invols-nm-v", "stiff")
         self.assertTrue(4.5 < ratio < 7.5, said)
-        self.assertRegex(said, r"1 % of InvOLS moves E by 6[0-9]")
+        self.assertRegex(said, r"1 % of InvOLS changes E by 6[0-9]")
 
     def polynomial_floor(self, *flags):
         """What polynomials of degree 8 through the contact of both ways leave, over the noise that `fit` says."""

@@ -273,4 +273,4 @@ class Drain(HealthTest):
 
 
 if __name__ == "__main__":
-    sys.exit(side_by_side.main(3, at_once=2))  # each case waits for most of its time
+    sys.exit(side_by_side.main(3, at_once=4))  # each case waits for most of its time

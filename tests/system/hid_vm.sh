@@ -48,7 +48,7 @@ mkdir -p /tmp/open/lib/release/lin-x86_64-gcc && cp "$build"/standin_sdk/lib/rel
 cp "$master" /tmp/open/
 export FDSDK=/tmp/open TELENANO_STANDIN_DRD=/tmp/open/script
 truncate -s 65536 "$TELENANO_STANDIN_DRD"; chmod 0666 "$TELENANO_STANDIN_DRD"; chmod 0600 "$node"
-check "no right to its node is said, with the way out" says "no right to open $node: copy deploy/udev/70-telenano-haptic.rules" as_nobody /tmp/open/telenano-master run --device omega
+check "no right to its node is said, with the way out" says "no permission to open $node: copy deploy/udev/70-telenano-haptic.rules" as_nobody /tmp/open/telenano-master run --device omega
 chmod 0666 "$node"
 check "the right to it changes what is said" says "switch the device off and on" as_nobody /tmp/open/telenano-master run --device omega
 exec 9<>"$node"

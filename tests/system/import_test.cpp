@@ -213,7 +213,7 @@ TEST_F(ImportTest, ReplacesNothingUnlessForced) {
   fs::create_directories(path("own"));
   fs::create_hard_link(path("t.gsf"), path("own/t.gsf"));
   expect_refused({path("t.gsf"), "-o", "own", "--force"}, {"own/t.gsf", "file to import"});
-  expect_refused({file, "-o", path("t.gsf")}, {"t.gsf", "no folder"});
+  expect_refused({file, "-o", path("t.gsf")}, {"t.gsf", "not a folder"});
 }
 
 TEST_F(ImportTest, EveryWrongFileAndFlagIsOneLine) {
@@ -229,7 +229,7 @@ TEST_F(ImportTest, EveryWrongFileAndFlagIsOneLine) {
   const std::string bytes = file_text(good);
   expect_refused({path("none.gwy")}, {"none.gwy", "no such file"});
   expect_refused({folder_.string()}, {"is a folder"});
-  expect_refused({"/dev/zero"}, {"/dev/zero", "no regular file"});
+  expect_refused({"/dev/zero"}, {"/dev/zero", "not a regular file"});
   expect_refused({write("empty.gwy", "")}, {"is empty"});
   expect_refused({write("cut.gwy", bytes.substr(0, bytes.size() - 9))}, {"cut.gwy", "truncated"});
   expect_refused({gwy_file("curves.gwy", gwy::component("/0/graph/graph/1", 's', gwy::text("x")))},

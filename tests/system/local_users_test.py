@@ -113,7 +113,7 @@ class LocalUsers(RealPrograms):
                             (("--local-users", "root:operate,"), "expected USER:RIGHT"),
                             (("--local-users", "nosuchuser:operate"), "there is no user 'nosuchuser'"),
                             (("--local-users", "root:operate,0:observe"), "comes twice"),
-                            (("--local-users", "root:operate", "--local-rights", "observe"), "leave out"),
+                            (("--local-users", "root:operate", "--local-rights", "observe"), "omit"),
                             (("--local-users", "root:operate", "--listen", "0.0.0.0:0"), "off loopback")):
             words += () if "--listen" in words else ("--listen", "127.0.0.1:0")
             done = self.run_program(NVE, "serve", "--scene", "flat_silicon_oxide", *words)

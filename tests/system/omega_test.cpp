@@ -279,7 +279,7 @@ TEST_F(OmegaTest, StallsOfTheSdk) {
       ASSERT_TRUE(soon([&] { return sdk_->stall_of(call) == 0; })) << "never called";
       std::int64_t told_ns = 0;
       while (now_ns() < begin_ns + (stall_ms + 50) * kMs) {
-        if (told_ns == 0 && station_->err().find("stuck in the SDK's", said) != std::string::npos)
+        if (told_ns == 0 && station_->err().find("stuck in the SDK function", said) != std::string::npos)
           told_ns = now_ns();
         std::this_thread::sleep_for(Milliseconds(1));
       }
@@ -314,12 +314,12 @@ TEST_F(OmegaTest, ACallThatNeverReturnsDoesNotKeepAPersonFromStopping) {
   start();
   ASSERT_TRUE(press(0.3));
   sdk_->stall_of(DrdCall::kGetPosition) = 60'000'000;
-  EXPECT_TRUE(station_->wait_for_err("stuck in the SDK's dhdGetPosition", kLong));
+  EXPECT_TRUE(station_->wait_for_err("stuck in the SDK function dhdGetPosition", kLong));
   EXPECT_EQ(time_to_zero_ns() >= 0, true);
   station_->signal(SIGINT);
   ASSERT_TRUE(station_->wait(Seconds(10)));
   EXPECT_EQ(station_->exit_code(), 1);
-  EXPECT_THAT(station_->err(), HasSubstr("does not come back from the SDK's dhdGetPosition"));
+  EXPECT_THAT(station_->err(), HasSubstr("does not return from the SDK's dhdGetPosition"));
   EXPECT_FALSE(RecordingReader(path("omega.h5")).cut_short());
 }
 
@@ -375,7 +375,7 @@ TEST_F(OmegaTest, CalibrationFindsAxesSignsAndWorkspace) {
   press_enter("Hold the handle still");
   move_to(-0.005, 0, 0);
   press_enter("to the right");
-  press_enter("5.0 mm only");  // too short: asked again
+  press_enter("only 5.0 mm");  // too short: asked again
   move_to(-0.045, 0.003, 0);
   press_enter("to the right");
   press_enter("Hold the handle still");
@@ -436,7 +436,10 @@ TEST_F(OmegaTest, CalibrationRefusesAHandThatHoldsOn) {
   const std::string out = path("dynamics.toml");
   const Finished run = measure(out);
   EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("axis x"));
   EXPECT_THAT(run.err, HasSubstr("let go of it"));
+  EXPECT_THAT(run.err, ::testing::Not(HasSubstr("measuring: 50 %")))
+      << "before the other two axes are measured";
   EXPECT_FALSE(std::filesystem::exists(out));
   EXPECT_EQ(sdk_.force_n(), 0);
 }
@@ -474,7 +477,7 @@ TEST_F(OmegaTest, CalibrationThatIsStuckInACallIsSaidAndCanBeStopped) {
       {"/bin/sh", "-c", "exec " + kMaster + " calibrate --dynamics --out " + out + " <<E\n\nE\n"});
   ASSERT_TRUE(wizard.wait_for_err("measuring", kLong)) << wizard.err();
   sdk_->stall_of(DrdCall::kGetPosition) = 60'000'000;
-  ASSERT_TRUE(wizard.wait_for_err("stuck in the SDK's", kLong)) << wizard.err();
+  ASSERT_TRUE(wizard.wait_for_err("stuck in the SDK function", kLong)) << wizard.err();
   wizard.signal(SIGINT);
   ASSERT_TRUE(wizard.wait(kLong)) << wizard.err();
   EXPECT_EQ(wizard.exit_code(), 1);

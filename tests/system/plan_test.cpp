@@ -277,7 +277,7 @@ TEST_F(PlanTest, MeasuresOverALossyWayAndSaysWhenThereIsNone) {
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_EQ(run.out, "");
   EXPECT_EQ(lines_of(run.err).size(), 1u) << run.err;
-  EXPECT_NE(run.err.find("answers no command"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("does not answer commands"), std::string::npos) << run.err;
 }
 
 TEST_F(PlanTest, ASessionUsesThePlanUnlessToldOtherwise) {

@@ -13,6 +13,7 @@ import signal
 import sys
 import unittest
 
+import side_by_side
 from real_programs import RealPrograms
 
 NVE, MASTER = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
@@ -75,7 +76,7 @@ class PublicKeys(RealPrograms):
                 self.assertNotIn(secret, path.read_text(errors="replace"), path)
         self.assertRegex(self.done_well(NVE, "keys", "list").stdout, r"(?m)^public,omega-1 sha256:[0-9a-f]{64},observe,$")
         again = self.done_well(MASTER, "enroll", "omega-1")
-        self.assertIn("is this station's key pair already", again.stderr)
+        self.assertIn("already holds this station's key pair", again.stderr)
 
     def test_who_is_not_known_is_refused_at_either_end(self):
         shown = self.enroll("omega-1")
@@ -158,17 +159,17 @@ want=4; session
         (self.folder / "empty.id").touch(0o600)
         run = (MASTER, "run", "--server", "127.0.0.1:5100")
         start = (MASTER, "start", "--server", "127.0.0.1:5100")
-        for words, said in (((*start, *shown[:2]), "go together"),
-                            ((*start, *shown[2:]), "go together"),
+        for words, said in (((*start, *shown[:2]), "used together"),
+                            ((*start, *shown[2:]), "used together"),
                             ((*start, *shown[:3], "sha256:12"), "expected \"sha256:\" and 64"),
-                            ((*start, *shown, "--key", "x.key"), "leave out --key"),
+                            ((*start, *shown, "--key", "x.key"), "omit --key"),
                             ((*start, "--identity", "open.id", *shown[2:]), "chmod 600"),
                             ((*start, "--identity", "none.id", *shown[2:]), "none.id"),
                             ((MASTER, "start", *shown), "--server"),
-                            ((*run, *shown[:2]), "go together"),
-                            ((*run, *shown[2:]), "go together"),
+                            ((*run, *shown[:2]), "used together"),
+                            ((*run, *shown[2:]), "used together"),
                             ((*run, *shown[:3], "sha256:12"), "expected \"sha256:\" and 64"),
-                            ((*run, *shown, "--key", "x.key"), "leave out --key"),
+                            ((*run, *shown, "--key", "x.key"), "omit --key"),
                             ((*run, "--identity", "open.id", *shown[2:]), "chmod 600"),
                             ((*run, "--identity", "empty.id", *shown[2:]), "holds no identity"),
                             ((*run, "--identity", "none.id", *shown[2:]), "none.id"),
@@ -188,4 +189,4 @@ want=4; session
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
+    sys.exit(side_by_side.main(2, at_once=2))  # each case waits for most of its time

@@ -237,7 +237,7 @@ TEST_F(SessionsTest, AServerShutDownForGoodIsToldAsSuch) {
   server.stop();
   ASSERT_TRUE(run.wait(kLong)) << run.err();
   EXPECT_EQ(run.exit_code(), 1);
-  EXPECT_TRUE(says(run.err(), "has shut down and not come back within 1 s; the force is zero")) << run.err();
+  EXPECT_TRUE(says(run.err(), "shut down and did not come back within 1 s; the force is zero")) << run.err();
 }
 
 TEST_F(SessionsTest, AnotherSceneAtTheSamePortIsALatchedStop) {

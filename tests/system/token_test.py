@@ -10,6 +10,7 @@ import sys
 import time
 import unittest
 
+import side_by_side
 from real_programs import LONG_S, RealPrograms
 
 NVE, MASTER = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
@@ -107,13 +108,13 @@ class Token(RealPrograms):
         self.assertIn("issuer", self.refused(NVE, "token", "x", "--server", "a:1"))
         self.assertIn("1 to 39 letters", self.refused(NVE, "token", "x y", "--issuer", "lab.issuer", "--server", "a:1"))
         self.assertIn("already", self.refused(NVE, "keys", "issuer", "lab", "--keys", "a.toml", "--out", "again.issuer"))
-        self.assertIn("give a name for a new one, or --from FILE", self.refused(NVE, "keys", "issuer", "--keys", "a.toml"))
+        self.assertIn("give a name for a new issuer, or --from FILE", self.refused(NVE, "keys", "issuer", "--keys", "a.toml"))
         self.nve("token", "x", "--issuer", "lab.issuer", "--server", "127.0.0.1:1")
         self.assertIn("exist", self.refused(NVE, "token", "x", "--issuer", "lab.issuer", "--server", "127.0.0.1:1"))
         self.assertIn("--server", self.refused(MASTER, "run", "--token", "x.token", "--server", "127.0.0.1:1"))
-        self.assertIn("leave out --key", self.refused(MASTER, "run", "--token", "x.token", "--key", "lab.issuer"))
+        self.assertIn("omit --key", self.refused(MASTER, "run", "--token", "x.token", "--key", "lab.issuer"))
         self.assertIn("none.token", self.refused(MASTER, "run", "--token", "none.token"))
 
 
 if __name__ == "__main__":
-    unittest.main(argv=sys.argv[:1], verbosity=2)
+    sys.exit(side_by_side.main(2, at_once=2))  # each case waits for most of its time

@@ -144,7 +144,7 @@ TEST_F(TraceTest, RefusesABadPath) {
   expect_refused(trace(scene_, write("path.csv", "t_s,x_nm,y_nm,z_um\n0,0,0,1\n")), {"path.csv:1", "header"});
   expect_refused(trace(scene_, path_of("0,0,0\n")), {"path.csv:2", "3 fields", "expected 4"});
   expect_refused(trace(scene_, path_of("0,0,0,1,2\n")), {"path.csv:2", "5 fields"});
-  expect_refused(trace(scene_, path_of("0,0,0,1\n0,0,0,1\n")), {"path.csv:3", "time does not rise"});
+  expect_refused(trace(scene_, path_of("0,0,0,1\n0,0,0,1\n")), {"path.csv:3", "time does not increase"});
   for (const char* bad : {"nan", "1e9", "inf", "1,5e", "", "0x10"}) {
     expect_refused(trace(scene_, path_of("0,0,0," + std::string(bad) + "\n")), {"path.csv:2"});
   }
@@ -159,7 +159,7 @@ TEST_F(TraceTest, RefusesABadSceneAndASurfaceThatKeepsNothing) {
   EXPECT_FALSE(std::filesystem::exists(path("s.gsf")));
   std::string text = file_text(scene_);
   text.replace(text.find("kind = \"flat\""), 13, "kind = \"flat\"\nradius_force = true");
-  expect_refused(trace(write("rf.toml", text), good), {"rf.toml", "radius_force", "leave it out"});
+  expect_refused(trace(write("rf.toml", text), good), {"rf.toml", "radius_force", "omit it"});
 }
 
 TEST_F(TraceTest, SaysWhereItCannotWriteAndWhatWasHeldBack) {

@@ -113,7 +113,7 @@ class Tutorial(unittest.TestCase):
 
     def test_one_line_for_what_is_no_curve(self):
         self.assertIn("empty", self.refused(b""))
-        self.assertIn("in no format", self.refused(bytes(range(256)) * 4))
+        self.assertIn("not in a supported format", self.refused(bytes(range(256)) * 4))
         self.assertIn("zip", self.refused(b"PK\x03\x04" + bytes(100)))
         self.assertIn("Igor", self.refused(b"\x05\x00" + bytes(100)))
         table = "z_nm,deflection_v\n" + "".join(f"{abs(50 - i)},{max(0, 5 - abs(50 - i)):g}\n" for i in range(100))

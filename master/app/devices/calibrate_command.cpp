@@ -29,7 +29,7 @@ namespace telenano::app {
 namespace {
 
 struct CalibrateOptions {
-  std::string device = "omega";
+  std::string device = device_name(DeviceKind::kOmega);
   std::string config_file;
   std::string out;
   bool home = false;
@@ -79,8 +79,7 @@ class Handle {
     pollfd input{STDIN_FILENO, POLLIN, 0};
     if (::poll(&input, 1, 1) <= 0) return false;
     char c = 0;
-    if (::read(STDIN_FILENO, &c, 1) != 1)
-      throw RunError("calibrate: the input has ended; nothing was written");
+    if (::read(STDIN_FILENO, &c, 1) != 1) throw RunError("calibrate: end of input; nothing was written");
     return c == '\n';
   }
 
@@ -101,7 +100,7 @@ std::string ask_push(Handle& handle, const char* direction, double shortest_m) {
     }
     fmt::print(stderr, "Again, please: {}.\n", push.problem);
   }
-  throw RunError("calibrate: five pushes could not be told apart; nothing was written");
+  throw RunError("calibrate: five pushes had no clear direction; nothing was written");
 }
 
 /// `use`: what to do with the file.
@@ -110,7 +109,8 @@ void write_result(const std::string& text, const std::string& path, const std::s
     fmt::print("{}", text);
     return;
   }
-  if (std::filesystem::exists(path)) throw UserError(path + ": exists already; give --out another name");
+  if (std::filesystem::exists(path))
+    throw UserError(path + ": already exists; choose another name for --out");
   std::ofstream file(path);
   file << text;
   file.close();
@@ -134,9 +134,10 @@ SessionDevice simulated_device(const CalibrateOptions& options, const StationFil
 void calibrate_dynamics(const CalibrateOptions& options) {
   const DeviceSpec spec = parse_device_spec(options.device);
   const bool sim = spec.kind == DeviceSpec::Kind::kSim;
-  if (!sim && spec.kind != DeviceSpec::Kind::kOmega)
+  if (!device_row(spec.kind).shows_force)
     throw UserError("calibrate --dynamics --device " + options.device +
-                    ": only a device that shows forces can be measured: omega, sim");
+                    ": only a device that shows forces can be measured: " +
+                    any_of_text(device_names([](const DeviceRow& row) { return row.shows_force; })));
   if (!sim && options.hand_on)
     throw UserError("--hand-on works only with --device sim, whose simulated hand can hold the handle");
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
@@ -162,7 +163,7 @@ void calibrate_dynamics(const CalibrateOptions& options) {
   if (certain_n_s_m > 0) {
     fmt::print(stderr, "damping, lower bound: {:.3g} N s/m\n", certain_n_s_m);
   } else {
-    fmt::print(stderr, "the lower bound of the damping is 0: measure again with more --seconds\n");
+    fmt::print(stderr, "the lower bound of the damping is 0: measure again with a larger --seconds\n");
   }
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   write_result(dynamics_toml(options.device, axes, config.seconds_per_axis,
@@ -175,8 +176,10 @@ void calibrate_dynamics(const CalibrateOptions& options) {
 void calibrate_axes(const CalibrateOptions& options) {
   const DeviceSpec spec = parse_device_spec(options.device);
   const bool omega = spec.kind == DeviceSpec::Kind::kOmega;
-  if (!omega && spec.kind != DeviceSpec::Kind::kHid)
-    throw UserError("calibrate --device " + options.device + ": only omega and hid have axes of their own");
+  if (!device_row(spec.kind).has_own_axes)
+    throw UserError("calibrate --device " + options.device +
+                    ": this device has no axes of its own to find, expected " +
+                    any_of_text(device_names([](const DeviceRow& row) { return row.has_own_axes; })));
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   // The device's own frame is what is looked at.
   file.device.axes = device::AxisMap{};
@@ -198,8 +201,8 @@ void calibrate_axes(const CalibrateOptions& options) {
                "press Enter.\n");
     handle.until_enter([&](const Vec3& pos_d_m) { box.add(pos_d_m); });
     if (box.half_m() < 0.005)
-      throw RunError(fmt::format(
-          "calibrate: the handle was moved through {:.1f} mm only; nothing was written", 2e3 * box.half_m()));
+      throw RunError(fmt::format("calibrate: the handle was moved by only {:.1f} mm; nothing was written",
+                                 2e3 * box.half_m()));
   }
   write_result(calibration_toml(options.device, axes, omega ? &box : nullptr), options.out,
                "use it with run --config " + options.out);
@@ -207,7 +210,7 @@ void calibrate_axes(const CalibrateOptions& options) {
 
 void calibrate(const CalibrateOptions& options) {
   if (!options.out.empty() && std::filesystem::exists(options.out))
-    throw UserError(options.out + ": exists already; give --out another name");
+    throw UserError(options.out + ": already exists; choose another name for --out");
   if (options.dynamics) {
     calibrate_dynamics(options);
   } else {
@@ -219,37 +222,37 @@ void calibrate(const CalibrateOptions& options) {
 
 CLI::App* add_calibrate_command(CLI::App& app) {
   auto options = std::make_shared<CalibrateOptions>();
-  CLI::App* const command =
-      app.add_subcommand("calibrate", "Find a device's axes, signs and workspace, or its damping and mass");
-  command->add_option("--device", options->device, "What is calibrated")
+  CLI::App* const command = app.add_subcommand(
+      "calibrate", "Find a haptic device's axes, signs and workspace, or measure its damping and mass");
+  command->add_option("--device", options->device, "Haptic device to calibrate")
       ->capture_default_str()
-      ->type_name("{omega,hid,sim}");
+      ->type_name(choices_text(
+          device_names([](const DeviceRow& row) { return row.has_own_axes || row.shows_force; })));
   command->add_option("--station,--config", options->config_file,
-                      "Station file (TOML), for serial, watchdog_ms and [simulated_device]");
+                      "Station file (TOML); serial, watchdog_ms and [simulated_device] are used");
   command->add_option("--out", options->out,
                       "Write the [device] table to this new file instead of standard output");
-  command->add_flag(
-      "--home", options->home,
-      "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
+  command->add_flag("--home", options->home,
+                    "Let the omega calibrate itself with its motors: IT MOVES, keep hands and objects clear");
   CLI::Option* const dynamics = command->add_flag(
       "--dynamics", options->dynamics,
-      "Measure damping, mass, friction, latency and encoder step by small forces: THE HANDLE MOVES");
-  command->add_option("--seconds", options->seconds, "For each axis of --dynamics, 10 to 300")
+      "Measure damping, mass, friction, latency and encoder resolution with small forces: THE HANDLE MOVES");
+  command->add_option("--seconds", options->seconds, "Duration of --dynamics for each axis, 10 to 300 s")
       ->capture_default_str()
       ->check(CLI::Range(10.0, 300.0))
       ->needs(dynamics);
   command
       ->add_flag("--hand-on", options->hand_on,
-                 "With --dynamics --device sim: the simulated hand holds the handle, which is refused")
+                 "With --dynamics --device sim: let the simulated hand hold the handle; the measurement then "
+                 "refuses")
       ->needs(dynamics);
   command->footer(
-      "Asks for three pushes, right, away and up, each between two presses of Enter, and on an omega for a "
-      "way\n"
-      "through its whole range. No force is shown. Prints the [device] table of a station file.\n"
-      "With --dynamics: let go of the handle; it is moved by at most 1.5 N about the place where it rests, "
-      "one\n"
-      "axis after the other. Prints the lower bound of the damping, on which the limit on energy rests, as\n"
-      "[device] damping_n_s_m, and all that was measured with its 95 % intervals.");
+      "You push the handle to the right, away from you and up, pressing Enter before and after each push; an "
+      "omega is\nthen moved through its whole range. The device shows no force. The result is the [device] "
+      "table of a station file.\nWith --dynamics you let go of the handle: forces of at most 1.5 N move it "
+      "around its rest position, one axis\nafter the other. The result contains the lower bound of the "
+      "damping as [device] damping_n_s_m, which the\nenergy limit uses, and all measured values with their "
+      "95 % intervals.");
   command->callback([options] { calibrate(*options); });
   return command;
 }

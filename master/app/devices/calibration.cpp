@@ -12,7 +12,7 @@ Push judge_push(const Vec3& displacement_d_m, double shortest_m) {
   displacement_d_m.cwiseAbs().maxCoeff(&axis);
   const double along_m = std::fabs(displacement_d_m[axis]);
   if (along_m < shortest_m) {
-    return {"", fmt::format("the handle moved by {:.1f} mm only; push it by {:.0f} mm or more", 1e3 * along_m,
+    return {"", fmt::format("the handle moved by only {:.1f} mm; push it by {:.0f} mm or more", 1e3 * along_m,
                             1e3 * shortest_m)};
   }
   for (int other = 0; other < 3; ++other) {

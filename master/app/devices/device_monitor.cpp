@@ -46,8 +46,8 @@ void DeviceMonitor::look_at_loop(std::int64_t now_ns) {
   const device::CallWatch::Look look =
       loop_.calls != nullptr ? loop_.calls->look() : device::CallWatch::Look{};
   tell_(look.inside()
-            ? fmt::format("the loop has been stuck in the SDK's {} for {} ms; the device's own watchdog "
-                          "takes the force away",
+            ? fmt::format("the loop has been stuck in the SDK function {} for {} ms; the device's own "
+                          "watchdog switches the force off",
                           look.name, since_ns / 1'000'000)
             : fmt::format("the loop has not run for {} ms: this machine is too busy or was suspended",
                           since_ns / 1'000'000));
@@ -63,11 +63,10 @@ void DeviceMonitor::look_at_force() {
 
 void end_without_loop(const device::CallWatch* calls) {
   const device::CallWatch::Look look = calls != nullptr ? calls->look() : device::CallWatch::Look{};
-  fmt::print(
-      stderr,
-      "telenano-master: the loop does not come back{}{}; ended without it, the device's own watchdog has "
-      "taken the force away\n",
-      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
+  fmt::print(stderr,
+             "telenano-master: the loop does not return{}{}; ended without it; the device's own watchdog has "
+             "switched the force off\n",
+             look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
   std::fflush(nullptr);
   std::_Exit(1);
 }

@@ -35,7 +35,7 @@ std::optional<std::uint32_t> read_buttons(const TomlTable& table, const char* ke
   if (!table.has(key)) return std::nullopt;
   std::uint32_t mask = 0;
   for (const double number : table.numbers(key, between(0, 31), 0, 32)) {
-    if (number != std::floor(number)) table.fail(key, "expected numbers of buttons, whole, from 0");
+    if (number != std::floor(number)) table.fail(key, "expected button numbers: whole numbers from 0");
     mask |= 1u << static_cast<unsigned>(number);
   }
   return mask;
@@ -45,7 +45,8 @@ std::optional<std::uint32_t> read_buttons(const TomlTable& table, const char* ke
 
 DeviceSettings read_device_settings(const TomlTable& table) {
   DeviceSettings settings;
-  settings.kind = table.choice_or("kind", {"sim", "omega", "hid", "mouse"}, settings.kind);
+  settings.kind = table.choice_or("kind", device_names([](const DeviceRow& row) { return !row.reads_file; }),
+                                  settings.kind);
   if (table.has("serial")) settings.serial = table.text("serial");
   settings.axes = read_axes(table);
   if (table.has("centre_m")) {
@@ -61,13 +62,13 @@ DeviceSettings read_device_settings(const TomlTable& table) {
   const std::uint32_t stop = settings.stop_buttons.value_or(0);
   if ((deadman & clutch) != 0 || (deadman & stop) != 0 || (clutch & stop) != 0)
     table.fail("stop_buttons",
-               "a button stands under two of deadman_buttons, clutch_buttons and stop_buttons");
+               "a button is listed in two of deadman_buttons, clutch_buttons and stop_buttons");
   if (table.has("watchdog_ms")) settings.watchdog_ms = static_cast<int>(table.integer("watchdog_ms", 0, 31));
   settings.force_max_n = table.optional_number("force_max_n", between(0.1, 100));
   settings.damping_n_s_m = table.optional_number("damping_n_s_m", between(0, 1000));
   settings.latency_ms = table.optional_number("latency_ms", between(0, 100));
   if (settings.latency_ms && !settings.damping_n_s_m)
-    table.fail("latency_ms", "expected damping_n_s_m with it: both are what calibrate --dynamics measures");
+    table.fail("latency_ms", "needs damping_n_s_m as well: calibrate --dynamics measures both");
   settings.mass_kg = table.optional_number("mass_kg", between(1e-3, 100));
   settings.speed_m_s = table.optional_number("speed_m_s", between(0.001, 0.25));
   settings.hold_s = table.optional_number("hold_s", between(0.05, 10));
@@ -84,7 +85,7 @@ PedalSettings read_pedal_settings(const TomlTable& table) {
   settings.buttons.stop = read_buttons(table, "stop_buttons").value_or(0);
   if ((settings.buttons.deadman | settings.buttons.clutch | settings.buttons.stop) == 0)
     table.fail("stop_buttons",
-               "no pedal has a meaning: give deadman_buttons, clutch_buttons or stop_buttons");
+               "no pedal has a function: give deadman_buttons, clutch_buttons or stop_buttons");
   return settings;
 }
 

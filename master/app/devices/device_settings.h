@@ -8,13 +8,14 @@
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/config/toml_document.h"
+#include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/device/device_map.h"
 
 namespace telenano::app {
 
 /// [device] of the station file. What is left out is the backend's own default.
 struct DeviceSettings {
-  std::string kind = "sim";  ///< what --device says when it is not given
+  std::string kind = device_name(DeviceKind::kSim);  ///< what --device says when it is not given
   std::optional<std::string> serial;
   std::optional<device::AxisMap> axes;
   std::optional<Vec3> centre_m;                  ///< of the workspace, in the device's own frame

@@ -37,7 +37,7 @@ void list() {
 
 CLI::App* add_devices_command(CLI::App& app) {
   CLI::App* const command =
-      app.add_subcommand("devices", "List the haptic devices attached, and why one cannot be used");
+      app.add_subcommand("devices", "List the attached haptic devices, and say why a device cannot be used");
   command->footer(
       "CSV on standard output: backend,name,serial,node,usable,why; what to do on standard error. A backend\n"
       "without any device has one row that says why. Devices are opened and closed, none is moved. Choose "

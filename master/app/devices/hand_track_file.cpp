@@ -34,7 +34,7 @@ device::HandTrack load_hand_track(const std::string& path) {
       track.points.push_back({sample.time_s - start_s, Vec3(pos[0], pos[1], pos[2]), sample.buttons});
     }
   }
-  if (!engaged) throw UserError(path + ": its station never engaged: there is no motion in it to play");
+  if (!engaged) throw UserError(path + ": the station never engaged, so there is no motion to play");
   return track;
 }
 

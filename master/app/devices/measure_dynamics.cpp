@@ -52,7 +52,7 @@ class Loop {
   Loop(device::HapticDevice& device, const calibration::MeasurementConfig& config)
       : device_(device), measurement_(config), period_ns_(std::llround(1e9 / config.rate_hz)) {}
 
-  void run(const std::atomic<bool>& stop) noexcept {
+  void run(const std::atomic<bool>& stopped) noexcept {
     const bool real_time = device_.info().moves_by_itself;
     rt::PeriodicTimer timer({.period_ns = period_ns_});
     const rt::SteadyClock clock;
@@ -67,13 +67,16 @@ class Loop {
       device_.advance(real_time ? now_ns - last_ns : period_ns_);
       last_ns = now_ns;
       device_.read(reading_);
-      if (stop.load(std::memory_order_relaxed)) measurement_.stop();
+      if (stopped.load(std::memory_order_relaxed) || refused_.load(std::memory_order_relaxed))
+        measurement_.stop();
       measurement_.applied(
           device_.write_force(measurement_.force(1e-9 * static_cast<double>(now_ns), reading_)));
       percent_.store(static_cast<int>(100 * measurement_.done()), std::memory_order_relaxed);
+      complete_.store(measurement_.axis(), std::memory_order_release);
       ticks_.fetch_add(1, std::memory_order_relaxed);
     }
     device_.write_force(Vec3::Zero());
+    if (measurement_.end() == MeasurementEnd::kDone) complete_.store(3, std::memory_order_release);
     over_.store(true, std::memory_order_release);
   }
 
@@ -81,6 +84,10 @@ class Loop {
   /// Grows while it runs; 0 once it is over.
   std::uint64_t ticks() const noexcept { return over() ? 0 : ticks_.load(std::memory_order_relaxed); }
   int percent() const noexcept { return percent_.load(std::memory_order_relaxed); }
+  /// How many axes are measured, 0 to 3: their tracks change no more.
+  int complete() const noexcept { return complete_.load(std::memory_order_acquire); }
+  /// What was measured cannot be used: no further force.
+  void refuse() noexcept { refused_.store(true, std::memory_order_relaxed); }
   const DynamicsMeasurement& measurement() const noexcept { return measurement_; }
   const device::DeviceReading& reading() const noexcept { return reading_; }
 
@@ -90,6 +97,8 @@ class Loop {
   std::int64_t period_ns_;
   device::DeviceReading reading_;
   std::atomic<int> percent_{0};
+  std::atomic<int> complete_{0};
+  std::atomic<bool> refused_{false};
   std::atomic<std::uint64_t> ticks_{0};
   std::atomic<bool> over_{false};
 };
@@ -108,6 +117,20 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
   const std::atomic<bool>& stop = catch_stop_signals();
   Loop loop(device, config);
   Progress progress;
+  DeviceDynamics axes;
+  int judged = 0;
+  std::string why_not;
+  // As soon as an axis is measured: whoever holds the handle hears of it before the next one.
+  const auto judge = [&] {
+    while (judged < loop.complete() && why_not.empty()) {
+      AxisDynamics& found = axes[static_cast<std::size_t>(judged)];
+      found = calibration::identify_axis(loop.measurement().track(judged));
+      if (found.verdict != calibration::DynamicsVerdict::kGood)
+        why_not = fmt::format("axis {}: {}", "xyz"[judged], calibration::verdict_text(found.verdict));
+      ++judged;
+    }
+    if (!why_not.empty()) loop.refuse();
+  };
   {
     rt::RealtimeThread thread({}, [&](const std::stop_token&) { loop.run(stop); });
     // Why there is no force is the measurement's own end to tell.
@@ -123,19 +146,13 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       if (stop.load() && monitor && monitor->stuck_ns() > kGiveUpStuckNs) end_without_loop(calls);
       progress.show(loop.percent());
+      judge();
     }
     thread.join();
   }
-  if (loop.measurement().end() != MeasurementEnd::kDone)
-    throw RunError(fmt::format("calibrate: {}; nothing was written", why_it_ended(loop)));
-  DeviceDynamics axes;
-  for (int axis = 0; axis < 3; ++axis) {
-    AxisDynamics& found = axes[static_cast<std::size_t>(axis)];
-    found = calibration::identify_axis(loop.measurement().track(axis));
-    if (found.verdict == calibration::DynamicsVerdict::kGood) continue;
-    throw RunError(fmt::format("calibrate: axis {}: {}; nothing was written", "xyz"[axis],
-                               calibration::verdict_text(found.verdict)));
-  }
+  judge();
+  if (why_not.empty() && loop.measurement().end() != MeasurementEnd::kDone) why_not = why_it_ended(loop);
+  if (!why_not.empty()) throw RunError(fmt::format("calibrate: {}; nothing was written", why_not));
   return axes;
 }
 

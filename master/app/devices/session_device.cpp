@@ -92,7 +92,8 @@ SessionDevice open_mouse(const DeviceSettings& settings,
   if (pointer == nullptr) {
     throw UserError(
         "--device mouse: the mouse moves the hand in the viewer's window, and this command opens no "
-        "window; use sim, omega, hid or replay:FILE");
+        "window; use " +
+        any_of_text(device_names([](const DeviceRow& row) { return !row.needs_window; })));
   }
   SessionDevice opened;
   device::PointerConfig config;
@@ -104,34 +105,27 @@ SessionDevice open_mouse(const DeviceSettings& settings,
 
 }  // namespace
 
-DeviceSpec parse_device_spec(const std::string& text) {
-  using Kind = DeviceSpec::Kind;
-  const std::string replay = "replay:";
-  if (text == "sim") return {Kind::kSim, ""};
-  if (text == "omega") return {Kind::kOmega, ""};
-  if (text == "hid") return {Kind::kHid, ""};
-  if (text == "mouse") return {Kind::kMouse, ""};
-  if (text.starts_with(replay) && text.size() > replay.size())
-    return {Kind::kReplay, text.substr(replay.size())};
-  throw UserError("--device " + text + ": unknown device, expected sim, omega, hid, mouse or replay:FILE");
-}
-
 std::optional<device::DeviceInfo> planned_device(const DeviceSpec& spec, const StationFile& file) {
   switch (spec.kind) {
     case DeviceSpec::Kind::kSim:
       return device::sim_device_info(file.plant);
     case DeviceSpec::Kind::kOmega:
       return device::omega_device_info(omega_config(file.device, false));
-    default:
-      return std::nullopt;
+    case DeviceSpec::Kind::kHid:
+    case DeviceSpec::Kind::kMouse:
+    case DeviceSpec::Kind::kReplay:
+      break;
   }
+  return std::nullopt;
 }
 
 SessionDevice open_session_device(const DeviceSpec& spec, const DeviceSettings& settings, bool may_home,
                                   const rt::LatestValue<device::PointerState>* pointer) {
   using Kind = DeviceSpec::Kind;
-  if (may_home && spec.kind != Kind::kOmega)
-    throw UserError("--home: only --device omega has motors that can home it");
+  if (may_home && !device_row(spec.kind).has_motors)
+    throw UserError("--home: only --device " +
+                    any_of_text(device_names([](const DeviceRow& row) { return row.has_motors; })) +
+                    " has motors that can home it");
   switch (spec.kind) {
     case Kind::kOmega:
       return open_omega(settings, may_home);

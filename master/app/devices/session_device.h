@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "telenano/common/rt/latest_value.h"
+#include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/app/devices/device_settings.h"
 #include "telenano/master/app/station_file.h"
 #include "telenano/master/device/call_watch.h"
@@ -15,16 +16,6 @@
 #include "telenano/master/device/pointer_device.h"
 
 namespace telenano::app {
-
-/// What --device names.
-struct DeviceSpec {
-  enum class Kind { kSim, kOmega, kHid, kMouse, kReplay };
-  Kind kind = Kind::kSim;
-  std::string file;  ///< of a replay
-};
-
-/// "sim", "omega", "hid", "mouse" or "replay:FILE". Throws UserError.
-DeviceSpec parse_device_spec(const std::string& text);
 
 /// An open device with what keeps it going.
 struct SessionDevice {
@@ -37,8 +28,8 @@ struct SessionDevice {
   std::vector<std::string> notes;            ///< what a person should know, a line each
 };
 
-/// What a plan must know of a device that is not open: of "sim" what the file says of the simulated one, of
-/// "omega" the maker's figures and the file's. None of the others, which show no force.
+/// What a plan must know of a device that is not open: for the simulated one what the file says, for an omega
+/// the maker's figures and the file's. Nothing for those that show no force.
 std::optional<device::DeviceInfo> planned_device(const DeviceSpec& spec, const StationFile& file);
 
 /// Opens every kind but the simulated one, which needs to know the session first. `may_home`: the device may

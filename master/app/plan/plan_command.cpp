@@ -88,17 +88,17 @@ StationFile station_file(const PlanOptions& options) {
 void validate(const PlanOptions& options) {
   if (options.server.empty() == options.limits.empty()) {
     throw UserError(
-        "plan: give either --server HOST:PORT (a telenano-nve serve that runs) or --limits FILE (written by "
+        "plan: give either --server HOST:PORT (a running telenano-nve serve) or --limits FILE (written by "
         "telenano-nve check --limits)");
   }
   if (options.felt && options.server.empty())
-    throw UserError("--felt needs --server: the sample is the server's; --limits holds none");
+    throw UserError("--felt needs --server: it uses the server's sample, and a --limits file contains none");
   if (options.compand && !options.felt)
     throw UserError("--compand needs --felt: it acts on the sample's forces");
   if (options.rtt_ms && !(*options.rtt_ms >= 0 && *options.rtt_ms <= 60'000))
     throw UserError(fmt::format("--rtt-ms: {:g}, expected 0 to 60000", *options.rtt_ms));
   if (!std::isfinite(options.connect_timeout_s))
-    throw UserError(fmt::format("--connect-timeout-s: {} is no finite number", options.connect_timeout_s));
+    throw UserError(fmt::format("--connect-timeout-s: {} is not a finite number", options.connect_timeout_s));
   require_positive("--haptic-m", options.workspaces.haptic_m);
   require_positive("--visual-m", options.workspaces.visual_m);
   require_positive("--nano-nm", options.workspaces.nano_nm);
@@ -110,8 +110,9 @@ device::DeviceInfo device_info(const PlanOptions& options, const StationFile& fi
   const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
   if (const auto device = planned_device(spec, file)) return *device;
   if (options.device)
-    throw UserError(fmt::format(
-        "--device {}: shows no force, so there is nothing to plan; expected sim or omega", *options.device));
+    throw UserError(
+        fmt::format("--device {}: shows no force, so there is nothing to plan; expected {}", *options.device,
+                    any_of_text(device_names([](const DeviceRow& row) { return row.shows_force; }))));
   return device::sim_device_info(file.plant);
 }
 
@@ -129,7 +130,7 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
   const auto scene = keeper.scene();
   if (!scene) {
     far.no_touch = keeper.settled() ? "the server's scene cannot be fetched"
-                                    : "the server's scene is still on its way; ask again";
+                                    : "the server's scene is still being downloaded; try again";
     return;
   }
   const auto twins = twin::decode_twins(scene->bundle, 1);
@@ -173,10 +174,9 @@ Far ask(const PlanOptions& options, const StationFile& file) {
   } else {
     far.slave = config::load_slave_limits(options.limits);
     if (rate_hz > far.slave.rate_max_hz) {
-      throw UserError(
-          fmt::format("{}: this slave serves at most {:g} Hz, and the station asks for {:g}; lower "
-                      "--rate (rate_hz)",
-                      options.limits, far.slave.rate_max_hz, rate_hz));
+      throw UserError(fmt::format(
+          "{}: this slave allows at most {:g} Hz, but the station asks for {:g} Hz; lower --rate (rate_hz)",
+          options.limits, far.slave.rate_max_hz, rate_hz));
     }
   }
   if (far.link.sent == 0) far.link.median_s = far.link.p99_s = 1e-3 * options.rtt_ms.value_or(0);
@@ -395,20 +395,21 @@ void add_plan_command(CLI::App& app) {
   CLI::App* const command = app.add_subcommand(
       "plan", "Plan the scaling for this station, link and slave, with reasons: CSV, text, a picture");
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
-  command->add_option(
-      "--server", options->server,
-      "HOST:PORT of telenano-nve serve: plan asks it for its limits and measures the round trip");
+  command->add_option("--server", options->server,
+                      "HOST:PORT of telenano-nve serve: its limits are used and the round trip is measured");
   command->add_option("--limits", options->limits,
                       "Instead of --server: limits of a slave, written by telenano-nve check --limits");
   command
       ->add_option("--device", options->device,
-                   "Haptic device to plan for (default: the station file's [device], else sim)")
-      ->type_name("{sim,omega}");
+                   "Haptic device to plan for (default: [device] of the station file, else sim)")
+      ->type_name(choices_text(device_names([](const DeviceRow& row) { return row.shows_force; })));
   command->add_option("--rtt-ms", options->rtt_ms,
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--method", options->method, "How the port is kept passive, see run --help")
+  command
+      ->add_option("--method", options->method,
+                   "Control method that keeps the session passive, see run --help")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
   command->add_flag(
       "--felt", options->felt,
@@ -417,11 +418,12 @@ void add_plan_command(CLI::App& app) {
   command->add_option("--compand", options->compand,
                       "With --felt: also show weak attraction up to this many times as strong, 1 to 10");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
-                      "Edge of the hand's workspace (default: the device's)");
-  command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");
+                      "Edge length of the hand's workspace (default: the device's)");
+  command->add_option("--visual-m", options->workspaces.visual_m,
+                      "Edge length of the picture (default: 0.3)");
   command->add_option("--nano-nm", options->workspaces.nano_nm,
-                      "Edge of the tip's workspace (default: the slave's shortest)");
-  command->add_option("--plot", options->plot, "FILE.svg or FILE.png: draw the region, by gnuplot");
+                      "Edge length of the tip's workspace (default: the shortest of the slave)");
+  command->add_option("--plot", options->plot, "FILE.svg or FILE.png: plot the allowed region with gnuplot");
   add_access_flags(*command, *options);
   command->footer(
       "CSV on standard output (key,value,unit), the plan as text on standard error. `run` uses the "

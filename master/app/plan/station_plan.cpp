@@ -5,14 +5,11 @@
 #include <cstring>
 
 #include "telenano/common/base/error.h"
+#include "telenano/master/app/devices/device_kinds.h"
 
 namespace telenano::app {
 
-namespace {
-
-constexpr const char* kSimulated = "sim";  // DeviceInfo::name
-
-}  // namespace
+namespace {}  // namespace
 
 config::SlaveLimits slave_limits(const link::Welcome& welcome) {
   const auto& name = welcome.scene_name.text;
@@ -70,7 +67,7 @@ std::string damping_text(const StationFile& file, const device::DeviceInfo& devi
                               1e3 * file.station.device_latency_s)
                 : "");
   }
-  if (device.name == kSimulated)
+  if (device.name == device_name(DeviceKind::kSim))
     return fmt::format("device damping: {:g} N s/m, the simulated device's own", device.damping_n_s_m);
   return fmt::format(
       "device damping: not measured, {:g} N s/m taken as the least that is plausible; telenano-master "

@@ -197,7 +197,7 @@ void run_export(const ExportOptions& options) {
   if (options.from_s && options.to_s && *options.from_s > *options.to_s)
     throw UserError("--from-s is later than --to-s");
   if (!options.columns.empty() && options.what != "samples")
-    throw UserError("--columns goes with --what samples");
+    throw UserError("--columns works only with --what samples");
   const RecordingReader reader = RecordingReader::isolated(options.file);
   if (options.what == "samples") export_samples(reader, options);
   if (options.what == "curves") export_curves(reader, options);
@@ -209,22 +209,23 @@ void run_export(const ExportOptions& options) {
 }  // namespace
 
 void add_export_command(CLI::App& app) {
-  CLI::App* command = app.add_subcommand("export", "Print what is in a recording, as CSV");
+  CLI::App* command = app.add_subcommand("export", "Print the contents of a recording as CSV");
   const auto options = std::make_shared<ExportOptions>();
-  command->add_option("FILE", options->file, "the recording")->required();
+  command->add_option("FILE", options->file, "recording to read")->required();
   command
-      ->add_option(
-          "--what", options->what,
-          "samples: one row a tick; curves: force against distance, way by way; events: what happened, and "
-          "marks; columns: what samples has, with units; configuration")
+      ->add_option("--what", options->what,
+                   "samples: one row per tick; curves: force against distance, one segment per approach or "
+                   "retraction; events: events and marks; columns: the columns of samples and their units; "
+                   "configuration: the settings of the session")
       ->capture_default_str()
       ->check(CLI::IsMember({"samples", "curves", "events", "columns", "configuration"}));
   command
-      ->add_option("--columns", options->columns, "only these columns of the samples, e.g. time_s,force_w_nn")
+      ->add_option("--columns", options->columns,
+                   "print only these columns of the samples, e.g. time_s,force_w_nn")
       ->delimiter(',');
-  command->add_option("--from-s", options->from_s, "from this time of the recording on");
-  command->add_option("--to-s", options->to_s, "to this time");
-  command->add_option("--every", options->every, "only each n-th row")
+  command->add_option("--from-s", options->from_s, "start at this time of the recording, s");
+  command->add_option("--to-s", options->to_s, "stop at this time, s");
+  command->add_option("--every", options->every, "print only every n-th row")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
   command->callback([options] { run_export(*options); });

@@ -12,7 +12,8 @@ namespace telenano::app {
 
 void add_recover_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
-      "recover", "Make a recording whose program was killed open plainly in every HDF5 program (in place)");
+      "recover",
+      "Repair a recording whose program was killed, so that any HDF5 program can open it (in place)");
   const auto files = std::make_shared<std::vector<std::string>>();
   command->add_option("FILE", *files, "recordings")->required();
   command->callback([files] {

@@ -10,6 +10,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/master/app/access_flags.h"
+#include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/app/run/next_run.h"
 #include "telenano/master/app/run/run_options.h"
 #include "telenano/master/app/run/run_session.h"
@@ -20,57 +21,50 @@ namespace {
 /// What a session needs whatever moves the hand.
 void add_session_flags(CLI::App& command, RunOptions& options) {
   command
-      .add_option(
-          "--server", options.server,
-          "HOST:PORT of telenano-nve serve, or several, A,B: the first that takes the session; when it is "
-          "lost, the next")
+      .add_option("--server", options.server,
+                  "HOST:PORT of telenano-nve serve, or several, A,B: the first that accepts the session is "
+                  "used, and the next if the connection is lost")
       ->capture_default_str();
   add_access_flags(command, options);
   command.add_option("--station,--config", options.config_file, "Station file (TOML); flags win over it");
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
   command
-      .add_option(
-          "--method", options.method,
-          "How the port is kept passive (default auto: twin where the server shares its scene and logs "
-          "steps, else tank or model, by the round trip)")
+      .add_option("--method", options.method,
+                  "Control method that keeps the session passive (default: auto: twin if the server shares "
+                  "its scene and logs steps, else tank or model, depending on the round trip)")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
-  command.add_option(
-      "--scene", options.scene,
-      "The server's scene, a name or a file: the station runs its slave itself, so that the hand "
-      "feels the sample without delay (method twin)");
+  command.add_option("--scene", options.scene,
+                     "The server's scene, a name or a file: the station simulates it locally, so that the "
+                     "hand feels the sample without delay (method twin)");
   command.add_option("--velocity-scale", options.velocity_scale,
-                     "alpha_v, tip metres per hand metre (default: planned, see plan)");
+                     "Velocity scale alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,
-                     "alpha_F, hand newtons per tip newton (default: planned, see plan)");
-  command.add_option(
-      "--compand", options.compand,
-      "Show weak attraction before contact up to so many times as strong, 1 to 10 (default 1: as "
-      "it is); felt with method twin, see [companding] of deploy/station.toml");
+                     "Force scale alpha_F, hand newtons per tip newton (default: planned, see plan)");
+  command.add_option("--compand", options.compand,
+                     "Amplify weak attraction before contact by up to this factor, 1 to 10 (default: 1, "
+                     "unchanged); felt with method twin, see [companding] in deploy/station.toml");
   command.add_flag("--allow-unsafe-scaling", options.allow_unsafe_scaling,
-                   "Run beyond the scaling that the device can show passively; force limits stay");
+                   "Allow a scaling that the device cannot show passively; the force limits still apply");
   command
-      .add_option(
-          "--redundancy", options.redundancy,
-          "Commands that each datagram repeats, so that the slave gets the whole path over a lossy link "
-          "(default 0)")
+      .add_option("--redundancy", options.redundancy,
+                  "Number of earlier commands repeated in each datagram, so that the slave gets the whole "
+                  "path over a lossy link (default: 0)")
       ->check(CLI::Range(0, 4));
   command
-      .add_option(
-          "--send-hz", options.send_hz,
-          "Datagrams a second: auto (default), as many as the link carries without a queue, at most one "
-          "a tick; or a number, which is kept whatever the link does")
+      .add_option("--send-hz", options.send_hz,
+                  "Datagrams per second: auto (default): as many as the link carries without queueing, at "
+                  "most one per tick; or a fixed number")
       ->type_name("{auto,20-8000}");
   command
-      .add_option(
-          "--dscp", options.dscp,
-          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      .add_option("--dscp", options.dscp,
+                  "DSCP marking of outgoing packets, for routers that use it: ef (46, expedited forwarding), "
+                  "none, 0-63")
       ->capture_default_str();
   command
-      .add_option(
-          "--undo-marks-at", options.undo_marks_at_s,
-          "Take the last stroke of marks back at this time of the session, s; the tip must be off the "
-          "sample then. In the window: U")
+      .add_option("--undo-marks-at", options.undo_marks_at_s,
+                  "Undo the last stroke of marks at this time of the session, s; the tip must be off the "
+                  "sample then. In the window: U")
       ->check(CLI::Range(0.001, 1e6));
   command
       .add_option_function<std::string>(
@@ -78,23 +72,23 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
           [&options](const std::string& text) {
             options.practice = link::parse_practice_link(text, "--practice-link");
           },
-          "To practise on a worse link than there is: added to the round trip (ms), lost of each way "
-          "(percent); "
-          "off: only the sliders for it in the window. Delays a stop as well: not for a real AFM")
+          "Simulate a worse link for practice: round trip and jitter to add (ms), loss in each direction "
+          "(percent); off: only show the sliders in the window. Also delays a stop, so not for a real AFM")
       ->type_name("{off,rtt=100,jitter=5,loss=2}");
   command
       .add_option("--metrics", options.metrics,
-                  "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+                  "Serve Prometheus metrics at HOST:PORT, e.g. 127.0.0.1:9464; port 0: any free port")
       ->type_name("HOST:PORT");
   command.add_flag("--metrics-public", options.metrics_public,
-                   "Let --metrics listen off loopback, where anybody can read it");
+                   "Allow --metrics on a non-loopback address, where anyone can read it");
   command.add_option("--record", options.record, "Write a recording (HDF5) to this file");
   command.add_flag("--overwrite", options.overwrite, "Replace the recording if it exists");
   command
-      .add_option("--rt-priority", options.realtime_priority, "SCHED_FIFO priority of the loop; 0 = ordinary")
+      .add_option("--rt-priority", options.realtime_priority,
+                  "SCHED_FIFO priority of the loop; 0: normal scheduling")
       ->capture_default_str()
       ->check(CLI::Range(0, 99));
-  command.add_option("--rt-cpu", options.realtime_cpu, "Processor of the loop (default: any)")
+  command.add_option("--rt-cpu", options.realtime_cpu, "Processor that runs the loop (default: any)")
       ->check(CLI::Range(0, 1023));
   command.add_flag("--cpu-awake", options.cpu_awake,
                    "Keep the processors out of deep sleep: they wake in a few microseconds, but produce more "
@@ -149,11 +143,12 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   auto options = std::make_shared<RunOptions>();
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
-  command->add_option("--device", options->device, "Hand (default sim); see devices for what is attached")
-      ->type_name("{sim,omega,hid,mouse,replay:FILE}");
-  command->add_flag(
-      "--home", options->home,
-      "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
+  command
+      ->add_option("--device", options->device,
+                   "Haptic device (default: sim); 'devices' lists those attached")
+      ->type_name(choices_text(device_names([](const DeviceRow&) { return true; })));
+  command->add_flag("--home", options->home,
+                    "Let the omega calibrate itself with its motors: IT MOVES, keep hands and objects clear");
   command
       ->add_option(
           "--task", options->task,
@@ -165,8 +160,9 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--script", options->script,
                       "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");
   command
-      ->add_option("--duration-s", options->duration_s,
-                   "Length of the task (default 10), or of a person's session (default: until stopped)")
+      ->add_option(
+          "--duration-s", options->duration_s,
+          "Duration of the task (default: 10), or of a session with a real device (default: until stopped)")
       ->check(CLI::Range(0.5, 3600.0));
   command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
       ->check(CLI::Range(0.0, 1000.0));

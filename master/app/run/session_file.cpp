@@ -34,7 +34,7 @@ SessionFile::SessionFile(std::string path) : path_(std::move(path)) {
   const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), token_, 16);
   if (!headed || error != std::errc{} || std::string_view(end, rest.data() + rest.size() - end) != "\n") {
     throw UserError(
-        fmt::format("--session-file {}: is no session file; name another one, or remove it", path_));
+        fmt::format("--session-file {}: not a session file; choose another name, or remove it", path_));
   }
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/app/devices/found_devices.h"
 #include "telenano/master/app/recordings/free_recording.h"
 #include "telenano/master/app/start/own_program.h"
@@ -30,11 +31,12 @@ namespace {
 constexpr std::size_t kLastLines = 9;
 
 std::vector<viewer::OfferedHand> offered_hands() {
-  std::vector<viewer::OfferedHand> hands{{"mouse", "mouse, in the pictures of the window", "", false}};
+  std::vector<viewer::OfferedHand> hands{
+      {device_name(DeviceKind::kMouse), "mouse, in the pictures of the window", "", false}};
   for (const device::FoundDevice& one : find_devices()) {
     // A backend without any device has no name.
     hands.push_back({one.backend, one.name.empty() ? one.backend : one.name, one.usable ? "" : one.why,
-                     one.backend != "hid"});
+                     device_row(parse_device_spec(one.backend).kind).shows_force});
   }
   return hands;
 }

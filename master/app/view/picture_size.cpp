@@ -10,7 +10,7 @@ namespace telenano::app {
 PictureSize parse_picture_size(const std::string& text) {
   const auto fail = [&text] {
     throw UserError("--screenshot-size: '" + text +
-                    "' is no size, expected WIDTHxHEIGHT, 320x240 to 4096x4096");
+                    "' is not a size, expected WIDTHxHEIGHT, 320x240 to 4096x4096");
   };
   const std::size_t x = text.find('x');
   if (x == std::string::npos) fail();

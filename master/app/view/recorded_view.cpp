@@ -54,7 +54,7 @@ Rows read_rows(const recording::RecordingReader& reader) {
     }
   }
   if (result.rows.empty())
-    throw UserError(reader.path().string() + ": no row with a time in it, expected a recording of a session");
+    throw UserError(reader.path().string() + ": no row has a time; expected a recording of a session");
   return result;
 }
 

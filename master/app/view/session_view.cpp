@@ -67,12 +67,11 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
     : options_(options), mouse_(mouse), parts_(std::make_unique<Parts>()) {
   photo_ = !options.screenshot.empty();
   window_ = !photo_ && !options.no_view && (options.view || (mouse && viewer::has_display()));
-  if (options.guide && !wanted())
-    throw UserError("--guide leads in a window: add --view, or leave --no-view out");
+  if (options.guide && !wanted()) throw UserError("--guide needs the window: add --view, or omit --no-view");
   if (mouse && !window_) {
     throw UserError(
         photo_ || options.no_view
-            ? "--device mouse needs the window that --screenshot and --no-view leave out"
+            ? "--device mouse needs the window, so it does not work with --screenshot or --no-view"
             : "--device mouse needs a window, and there is no display: log in graphically or with ssh -X");
   }
   if (!std::isfinite(options.tip_radius_nm) || !std::isfinite(options.at_s))

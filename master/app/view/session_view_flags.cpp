@@ -22,9 +22,8 @@ void add_picture_flags(CLI::App& command, ViewOptions& options, const std::strin
                   "or minus")
       ->capture_default_str()
       ->check(CLI::Range(0.75, 2.5));
-  command.add_option(
-      "--screenshot", options.screenshot,
-      "Draw one picture of the session into this PNG; needs neither display nor graphics card");
+  command.add_option("--screenshot", options.screenshot,
+                     "Save one picture of the session as this PNG; needs neither display nor graphics card");
   command.add_option("--at", options.at_s, at)
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0))
@@ -39,7 +38,7 @@ void add_view_flags(CLI::App& command, ViewOptions& options) {
       "--view", options.view,
       "Open a window: sample, tip, forces, sliders, STOP; F1 lists its keys. Default with --device "
       "mouse");
-  command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
+  command.add_flag("--no-view", options.no_view, "Open no window, with any device")->excludes("--view");
   command.add_flag(
       "--guide", options.guide,
       "In the window: five steps from a first touch to a pull-off; G switches the guide on and off");

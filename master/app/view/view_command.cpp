@@ -18,8 +18,7 @@ CLI::App* add_view_command(CLI::App& app) {
   };
   auto asked = std::make_shared<Asked>();
   CLI::App* const command = app.add_subcommand(
-      "view",
-      "A recording in the station's window: play, pause, move about; needs neither server nor device");
+      "view", "Play a recording in the station's window; needs neither server nor haptic device");
   command->add_option("FILE", asked->file, "recording")->required();
   add_picture_flags(*command, asked->view, "Seconds of the recording at which --screenshot is taken");
   command->footer(

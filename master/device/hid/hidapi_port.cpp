@@ -58,7 +58,7 @@ std::string why_not(const Node& node) {
   const int error = fd < 0 ? errno : 0;
   if (fd >= 0) ::close(fd);
   if (error == EACCES || error == EPERM) {
-    return "no right to open " + node.path +
+    return "no permission to open " + node.path +
            ": copy deploy/udev/70-telenano-haptic.rules to /etc/udev/rules.d, run udevadm control --reload, "
            "plug the "
            "device in again";

@@ -30,7 +30,7 @@ ForceOffCause cause_of(int code) noexcept {
 /// Why a device that the kernel shows cannot be opened.
 std::string why_not(const UsbNode& node, const std::string& sdk_says) {
   if (!node.may_open) {
-    return "no right to open " + node.node +
+    return "no permission to open " + node.node +
            ": copy deploy/udev/70-telenano-haptic.rules to /etc/udev/rules.d, run udevadm control --reload, "
            "plug the "
            "device in again";

@@ -50,11 +50,10 @@ void make_key(const KeysOptions& options) {
   const std::string out = options.out.empty() ? options.name + ".key" : options.out;
   const std::optional<std::int64_t> expires_s = end_of(options);
   security::new_key(options.list, options.name, *net::parse_rights(options.rights), out, expires_s);
-  std::fprintf(
-      stderr,
-      "telenano-nve: key '%s' may %s%s; bring %s to its station (telenano-master run --key), then remove it "
-      "here\n",
-      options.name.c_str(), options.rights.c_str(), until(expires_s).c_str(), out.c_str());
+  std::fprintf(stderr,
+               "telenano-nve: key '%s' may %s%s; copy %s to its station (telenano-master run --key), then "
+               "delete it here\n",
+               options.name.c_str(), options.rights.c_str(), until(expires_s).c_str(), out.c_str());
 }
 
 void rotate_key(const KeysOptions& options) {
@@ -63,21 +62,20 @@ void rotate_key(const KeysOptions& options) {
   const std::string name =
       security::rotate_key(options.list, options.name, options.out, old_expires_s, expires_s);
   const std::string out = options.out.empty() ? name + ".key" : options.out;
-  std::fprintf(
-      stderr,
-      "telenano-nve: key '%s' follows '%s', with the same rights%s; bring %s to the station before %s, "
-      "when the old one ends at the latest, then remove it here\n",
-      name.c_str(), options.name.c_str(), until(expires_s).c_str(), out.c_str(),
-      utc_text(old_expires_s).c_str());
+  std::fprintf(stderr,
+               "telenano-nve: key '%s' replaces '%s' with the same rights%s; copy %s to the station before "
+               "%s, when the old key expires at the latest, then delete it here\n",
+               name.c_str(), options.name.c_str(), until(expires_s).c_str(), out.c_str(),
+               utc_text(old_expires_s).c_str());
 }
 
 void make_issuer(const KeysOptions& options) {
   if (!options.from.empty()) {
     const std::string name = security::adopt_issuer(options.list, options.from);
-    std::fprintf(stderr, "telenano-nve: the connect tokens of '%s' are taken here too\n", name.c_str());
+    std::fprintf(stderr, "telenano-nve: this server now accepts connect tokens of '%s' too\n", name.c_str());
     return;
   }
-  if (options.name.empty()) throw UserError("keys issuer: give a name for a new one, or --from FILE");
+  if (options.name.empty()) throw UserError("keys issuer: give a name for a new issuer, or --from FILE");
   const std::string out = options.out.empty() ? options.name + ".issuer" : options.out;
   security::new_issuer(options.list, options.name, *net::parse_rights(options.rights), out);
   std::fprintf(stderr,
@@ -91,11 +89,9 @@ std::string server_identity(const std::string& list) {
   bool made = false;
   const std::string name = security::server_identity(list, made);
   if (made) {
-    std::fprintf(
-        stderr,
-        "telenano-nve: made this server's identity, %s; a server that runs takes it up when it is started "
-        "again\n",
-        security::server_identity_path(list).c_str());
+    std::fprintf(stderr,
+                 "telenano-nve: created this server's identity, %s; restart a running server to use it\n",
+                 security::server_identity_path(list).c_str());
   }
   return name;
 }
@@ -107,12 +103,11 @@ void add_public_key(const KeysOptions& options) {
   const net::Rights given = security::add_public_key(options.list, options.name, options.public_key, rights,
                                                      end_of(options), old_expires_s);
   const std::string server = server_identity(options.list);
-  std::fprintf(
-      stderr,
-      "telenano-nve: '%s' may %s%s by its public key; at the station: telenano-master run --identity %s.id "
-      "--server-key %s\n",
-      options.name.c_str(), std::string(net::name(given)).c_str(), until(end_of(options)).c_str(),
-      options.name.c_str(), server.c_str());
+  std::fprintf(stderr,
+               "telenano-nve: '%s' may %s%s with its public key; on the station: telenano-master run "
+               "--identity %s.id --server-key %s\n",
+               options.name.c_str(), std::string(net::name(given)).c_str(), until(end_of(options)).c_str(),
+               options.name.c_str(), server.c_str());
 }
 
 }  // namespace
@@ -120,24 +115,23 @@ void add_public_key(const KeysOptions& options) {
 CLI::App* add_keys_command(CLI::App& app) {
   auto options = std::make_shared<KeysOptions>();
   CLI::App* const command = app.add_subcommand(
-      "keys", "Who may open encrypted sessions: new, rotate, add, identity, issuer, list, revoke");
+      "keys", "Manage who may open encrypted sessions: new, rotate, add, identity, issuer, list, revoke");
   command->require_subcommand(1);
   const auto add = [&](const char* name, const char* description) {
     CLI::App* const sub = command->add_subcommand(name, description);
-    sub->add_option("--keys", options->list, "The list of keys (TOML)")
-        ->capture_default_str()
-        ->type_name("FILE");
+    sub->add_option("--keys", options->list, "List of keys (TOML)")->capture_default_str()->type_name("FILE");
     return sub;
   };
-  CLI::App* const fresh = add("new", "Make a key: adds it to the list and writes the station's file");
+  CLI::App* const fresh =
+      add("new", "Create a key: add it to the list and write the key file for the station");
   fresh->add_option("name", options->name, "Name of the station")->required();
   const std::vector<std::string> rights(net::kRightsNames.begin(), net::kRightsNames.end());
   fresh->add_option("--rights", options->rights, "observe | operate | administer")
       ->capture_default_str()
       ->check(CLI::IsMember(rights));
-  fresh->add_option("--out", options->out, "The station's file; left out: NAME.key")->type_name("FILE");
+  fresh->add_option("--out", options->out, "Key file for the station (default: NAME.key)")->type_name("FILE");
   const auto add_days = [&](CLI::App* sub) {
-    sub->add_option("--days", options->days, "The key expires so many days from now; left out: never")
+    sub->add_option("--days", options->days, "Days until the key expires (default: never)")
         ->type_name("DAYS")
         ->check(CLI::Range(1e-5, 36500.0));
   };
@@ -145,49 +139,55 @@ CLI::App* add_keys_command(CLI::App& app) {
   fresh->callback([options] { make_key(*options); });
 
   CLI::App* const rotate =
-      add("rotate", "Make the key that follows one, with its rights; the old one ends after the overlap");
-  rotate->add_option("name", options->name, "Name of the key that is followed")->required();
-  rotate->add_option("--overlap-days", options->overlap_days, "So long both are in force")
+      add("rotate", "Replace a key by a new one with the same rights; the old key expires after the overlap");
+  rotate->add_option("name", options->name, "Name of the key to replace")->required();
+  rotate->add_option("--overlap-days", options->overlap_days, "Days during which both keys are valid")
       ->capture_default_str()
       ->type_name("DAYS")
       ->check(CLI::Range(0.0, 365.0));
   add_days(rotate);
-  rotate->add_option("--out", options->out, "The station's file; left out: NEWNAME.key")->type_name("FILE");
+  rotate->add_option("--out", options->out, "Key file for the station (default: NEWNAME.key)")
+      ->type_name("FILE");
   rotate->callback([options] { rotate_key(*options); });
 
-  CLI::App* const add_public =
-      add("add",
-          "Let a station in by its public key (telenano-master enroll); this server keeps no secret of it");
+  CLI::App* const add_public = add(
+      "add", "Give a station access by its public key (telenano-master enroll); the server stores no secret");
   add_public->add_option("name", options->name, "Name of the station")->required();
   add_public
-      ->add_option("--public", options->public_key, "Its public key, as telenano-master enroll prints it")
+      ->add_option("--public", options->public_key,
+                   "The station's public key, as printed by telenano-master enroll")
       ->required()
       ->type_name("sha256:HEX");
   add_public
-      ->add_option("--rights", options->public_rights,
-                   "observe | operate | administer; left out: those that the station has, else operate")
+      ->add_option(
+          "--rights", options->public_rights,
+          "observe | operate | administer (default: the rights that the station already has, else operate)")
       ->check(CLI::IsMember(rights));
   add_public
       ->add_option("--overlap-days", options->public_overlap_days,
-                   "The station's earlier public key ends after so long; needed where it has one")
+                   "Days until the station's earlier public key expires; required if it has one")
       ->type_name("DAYS")
       ->check(CLI::Range(0.0, 365.0));
   add_days(add_public);
   add_public->callback([options] { add_public_key(*options); });
 
-  CLI::App* const identity = add(
-      "identity", "Print by what stations with public keys know this server (--server-key); made at first");
+  CLI::App* const identity =
+      add("identity",
+          "Print this server's public key, which stations pass as --server-key; created if there is none");
   identity->callback([options] { std::printf("%s\n", server_identity(options->list).c_str()); });
 
   CLI::App* const issuer =
-      add("issuer", "Let a scheduler or web page make connect tokens (see telenano-nve token)");
+      add("issuer", "Allow a scheduler or web page to issue connect tokens (see telenano-nve token)");
   issuer->add_option("name", options->name, "Name of the issuer");
   issuer
-      ->add_option("--rights", options->rights, "The most that a token gives: observe | operate | administer")
+      ->add_option("--rights", options->rights,
+                   "Highest right that its tokens may give: observe | operate | administer")
       ->capture_default_str()
       ->check(CLI::IsMember(rights));
-  issuer->add_option("--out", options->out, "The issuer's file; left out: NAME.issuer")->type_name("FILE");
-  issuer->add_option("--from", options->from, "Take the tokens of an issuer that another server has made")
+  issuer->add_option("--out", options->out, "Issuer file (default: NAME.issuer)")->type_name("FILE");
+  issuer
+      ->add_option("--from", options->from,
+                   "Also accept tokens of the issuer in this file, created on another server")
       ->type_name("FILE")
       ->check(CLI::ExistingFile);
   issuer->callback([options] { make_issuer(*options); });
@@ -196,15 +196,15 @@ CLI::App* add_keys_command(CLI::App& app) {
   list->callback([options] { std::fputs(security::list_keys(options->list).c_str(), stdout); });
 
   CLI::App* const revoke =
-      add("revoke", "Take a key, certificate or issuer off the list; a running server ends its sessions");
+      add("revoke", "Remove a key, certificate or issuer from the list; a running server ends its sessions");
   revoke
       ->add_option("name", options->name,
-                   "Name of the key or issuer, sha256:HEX of one public key, common name or fingerprint of "
-                   "the certificate")
+                   "Name of the key or issuer, sha256:HEX of a public key, or common name or fingerprint of "
+                   "a certificate")
       ->required();
   revoke->callback([options] {
     security::revoke_key(options->list, options->name);
-    std::fprintf(stderr, "telenano-nve: '%s' is off the list\n", options->name.c_str());
+    std::fprintf(stderr, "telenano-nve: removed '%s' from the list\n", options->name.c_str());
   });
   return command;
 }

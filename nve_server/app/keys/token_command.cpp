@@ -56,7 +56,8 @@ void make(const TokenOptions& options) {
 CLI::App* add_token_command(CLI::App& app) {
   auto options = std::make_shared<TokenOptions>();
   CLI::App* const command = app.add_subcommand(
-      "token", "Make a connect token: a file that gives a station access to some servers for a limited time");
+      "token",
+      "Create a connect token: a file that gives a station access to some servers for a limited time");
   command->add_option("station", options->station, "Name of the station, or of its operator")->required();
   command->add_option("--issuer", options->issuer, "The issuer's file, from telenano-nve keys issuer")
       ->required()

@@ -35,8 +35,8 @@ namespace {
 
 constexpr int kThreadsMax = 256;
 constexpr const char* kExchanged =
-    "the deflection runs evenly, as a base does, and z does not: are the two columns exchanged? "
-    "--z-column and --deflection-column choose them";
+    "the deflection changes evenly, as z should, and z does not: are the two columns swapped? --z-column and "
+    "--deflection-column choose them";
 
 void fit_one(const FitOptions& options, const fit::FitSetup& setup, const fit::Preparation& how,
              FittedCurve& curve) {
@@ -147,9 +147,9 @@ void run(const FitOptions& options) {
                     ", expected 0 to 100 %");
   }
   if (options.reference_n_m && options.reference.empty())
-    throw UserError("--reference-stiffness-n-m goes with --reference-curve");
+    throw UserError("--reference-stiffness-n-m needs --reference-curve");
   if (!options.thermal_band.empty() && options.thermal.empty())
-    throw UserError("--thermal-band-hz goes with --thermal");
+    throw UserError("--thermal-band-hz needs --thermal");
   const std::optional<MeasuredLever> lever = measured_lever(options);
   const fit::FitSetup setup = setup_of(options, *scene, lever);
   fit::Preparation how = preparation_of(options, 1.0 / setup.compliance_nm_nn);
@@ -196,7 +196,7 @@ void run(const FitOptions& options) {
 
 void add_fit_command(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("fit", "find a sample's modulus and adhesion from your own force curves");
+      app.add_subcommand("fit", "Find a sample's modulus and adhesion from your own force curves");
   auto options = std::make_shared<FitOptions>();
   command
       ->add_option("curves", options->curves,

@@ -27,10 +27,10 @@ void check_target(const std::string& path, const char* flag, const FitOptions& o
     throw UserError(path + ": is a folder: choose a file with " + flag);
   if (std::filesystem::exists(std::filesystem::symlink_status(path, error))) {
     if (!options.force)
-      throw UserError(path + ": is there already: --force replaces it, or choose another with " + flag);
+      throw UserError(path + ": already exists: --force replaces it, or choose another with " + flag);
     for (const std::string& curve : options.curves)
       if (std::filesystem::equivalent(path, curve, error))
-        throw UserError(path + ": is a curve to fit: choose another file with " + flag);
+        throw UserError(path + ": is one of the curves to fit: choose another file with " + flag);
   }
 }
 

@@ -53,8 +53,7 @@ MeasuredLever by_thermal_motion(const FitOptions& options) {
 /// On something of stiffness K the base's way z is shared: deflection s z with s = K/(k + K), so k = K (1 − s)/s.
 MeasuredLever by_reference(const FitOptions& options) {
   if (!options.reference_n_m)
-    throw UserError(
-        "--reference-curve goes with --reference-stiffness-n-m, the stiffness that it was taken on");
+    throw UserError("--reference-curve needs --reference-stiffness-n-m, the stiffness of the reference");
   if (!(*options.reference_n_m >= 1e-4 && *options.reference_n_m <= 1e5)) {
     throw UserError("--reference-stiffness-n-m is " + number_text(*options.reference_n_m) +
                     ", expected 1e-4 to 1e5 N/m");
@@ -62,14 +61,13 @@ MeasuredLever by_reference(const FitOptions& options) {
   const fit::RawCurve raw = fit::read_curve(read_curve_bytes(options.reference), options.columns);
   fit::Preparation how = preparation_of(options, 1.0);
   if (raw.error.empty() && raw.unit == fit::DeflectionUnit::kNanonewton)
-    throw UserError(options.reference +
-                    ": has forces: a deflection in nm or V is needed, from which they were made");
+    throw UserError(options.reference + ": contains forces: the deflection in nm or V is needed instead");
   if (raw.unit == fit::DeflectionUnit::kVolt && !raw.invols_nm_v && !how.invols_nm_v)
     how.invols_nm_v = invols_of(options);
   if (how.invols_from_stiff)
     throw UserError(
-        "--invols-nm-v stiff cannot be used with --reference-curve: the reference gives way, so it "
-        "is not rigid");
+        "--invols-nm-v stiff cannot be used with --reference-curve: the reference yields, so it is not "
+        "rigid");
   const fit::PreparedCurve curve = fit::prepare(raw, how);
   if (!curve.error.empty()) throw UserError(options.reference + ": " + curve.error);
   const fit::ReferenceSlope slope = fit::reference_slope(curve);
@@ -128,7 +126,7 @@ fit::FitSetup setup_of(const FitOptions& options, const scene::Scene& scene,
                            : !options.reference.empty() ? "--reference-curve"
                                                         : nullptr;
   if (flag != nullptr && scene.probe.origin != "given") {
-    throw UserError(scene.path + ": " + flag + " goes with a scene that has stiffness_n_m: its lever is a " +
+    throw UserError(scene.path + ": " + flag + " needs a scene with stiffness_n_m: its lever is a " +
                     scene.probe.origin);
   }
   fit::FitSetup setup;
@@ -160,9 +158,9 @@ fit::FitSetup setup_of(const FitOptions& options, const scene::Scene& scene,
                     " could be fitted: give [forces.capillary] humidity_percent as a start");
   }
   if (setup.fit_hamaker && setup.fit_distance)
-    throw UserError("--also H and --also z0 are one length (H = 12 pi z0^2 w): choose one of them");
+    throw UserError("--also H and --also z0 are the same unknown (H = 12 pi z0^2 w): choose one of them");
   if (options.hamaker_aj && setup.fit_distance)
-    throw UserError("--hamaker-aj holds what --also z0 fits (H = 12 pi z0^2 w): choose one of them");
+    throw UserError("--hamaker-aj fixes what --also z0 fits (H = 12 pi z0^2 w): choose one of them");
   const bool tail = setup.law.van_der_waals && setup.law.model != physics::ContactLaw::kHertz;
   if ((setup.fit_hamaker || options.hamaker_aj) && !tail)
     throw UserError(scene.path + ": has no van der Waals forces, and so no Hamaker constant");

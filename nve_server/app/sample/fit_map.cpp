@@ -36,7 +36,7 @@ fit::ParameterMap map_of(const FitOptions& options, std::size_t curves) {
   fit::ParameterMap map;
   if (options.map.empty()) {
     if (!options.map_grid.empty() || !options.map_size.empty())
-      throw UserError("--map-grid and --map-size-nm go with --map FOLDER");
+      throw UserError("--map-grid and --map-size-nm need --map FOLDER");
     return map;
   }
   double columns = 0, rows = 0;
@@ -59,7 +59,7 @@ fit::ParameterMap map_of(const FitOptions& options, std::size_t curves) {
   if (places != curves) {
     throw UserError("--map-grid " + options.map_grid + " has " + std::to_string(places) + " places, and " +
                     std::to_string(curves) +
-                    " curves are given: expected one a place, line by line from the lower left");
+                    " curves are given: expected one per place, line by line from the lower left");
   }
   return map;
 }

@@ -243,7 +243,7 @@ std::string convert_by_gwyddion(const std::string& path, const ConvertLimits& li
   if (child.start_error() != 0)
     throw RunError(limits.program + " cannot be started: " + std::strerror(child.start_error()));
   const Ended ended = child.wait(signals.held(), limits.time);
-  if (ended.told_to_end) throw RunError(path + ": told to end while Gwyddion read it");
+  if (ended.told_to_end) throw RunError(path + ": stopped while Gwyddion was reading it");
   if (ended.late) {
     throw UserError(path + ": Gwyddion has not read it within " + std::to_string(limits.time.count() / 1000) +
                     " s: open it there and save it as .gwy");

@@ -76,7 +76,7 @@ void read_source(const std::string& path, Source& source) {
     source.converted = true;
   }
   source.gwy = import::read_gwy(source.bytes);
-  const char* whose = source.converted ? ": what Gwyddion made of it " : ": ";
+  const char* whose = source.converted ? ": the file converted by Gwyddion " : ": ";
   if (!source.gwy.error.empty()) throw UserError(path + whose + source.gwy.error);
   if (source.gwy.channels.empty())
     throw UserError(path + ": has no image (only curves, volumes or point clouds)");
@@ -183,7 +183,7 @@ Heights heights_of(const import::GwyChannel& channel, const Options& options) {
   const auto unknown = static_cast<std::size_t>(std::count(heights.gap.begin(), heights.gap.end(), true));
   if (4 * unknown > field.count()) {
     refuse(words("has no height in ", unknown, " of ", field.count(),
-                 " pixels, expected three quarters of them at least"));
+                 " pixels, expected at least three quarters of them"));
   }
   import::fill_gaps(scan.grid, heights.gap);
   const auto [low, high] = std::minmax_element(scan.grid.z_nm.begin(), scan.grid.z_nm.end());
@@ -346,14 +346,14 @@ Targets targets_of(const Options& options) {
   std::error_code error;
   const auto status = std::filesystem::status(targets.folder, error);
   if (std::filesystem::exists(status) && !std::filesystem::is_directory(status))
-    throw UserError(targets.folder.string() + ": is there and no folder: choose another with -o");
+    throw UserError(targets.folder.string() + ": exists but is not a folder: choose another with -o");
   std::vector<std::string> files{targets.scan, targets.scene};
   if (!options.deconvolve.empty()) files.push_back(targets.certainty);
   for (const std::string& file : files) {
     const auto there = std::filesystem::symlink_status(file, error);
     if (!std::filesystem::exists(there)) continue;
     if (!options.force)
-      throw UserError(file + ": is there already: --force replaces it, or choose another folder with -o");
+      throw UserError(file + ": already exists: --force replaces it, or choose another folder with -o");
     // Also through another name or a link.
     if (std::filesystem::equivalent(file, options.file, error))
       throw UserError(file + ": is the file to import: choose another folder with -o");
@@ -485,8 +485,8 @@ void run(const Options& options) {
 }  // namespace telenano::app
 
 void add_import_command(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("import", "make a scene from your own scan (.gwy, .gsf, and what Gwyddion reads)");
+  CLI::App* command = app.add_subcommand(
+      "import", "Make a scene from your own scan (.gwy, .gsf, and formats that Gwyddion reads)");
   auto options = std::make_shared<Options>();
   command
       ->add_option("file", options->file,

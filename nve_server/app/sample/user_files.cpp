@@ -31,7 +31,7 @@ std::string read_user_file(const std::string& path, const char* what, std::size_
   if (status.type() == std::filesystem::file_type::directory)
     throw UserError(path + ": is a folder" + expected);
   if (status.type() != std::filesystem::file_type::regular)
-    throw UserError(path + ": is no regular file" + expected);
+    throw UserError(path + ": is not a regular file" + expected);
   const auto size = std::filesystem::file_size(path, error);
   if (!error && size > mib_most << 20)
     throw UserError(path + ": has " + std::to_string(size) + " bytes, expected at most " +

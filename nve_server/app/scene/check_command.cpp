@@ -257,12 +257,10 @@ void run(const std::string& path, const std::string& limits_path) {
 }  // namespace
 
 void add_check_command(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("check", "what a scene computes, what it leaves out, what a step costs");
+  CLI::App* command = app.add_subcommand(
+      "check", "Show what a scene computes, what it leaves out, and how long a step takes");
   auto path = std::make_shared<std::string>();
-  command
-      ->add_option("--scene", *path,
-                   "file (TOML), or the name of one that came with the program, e.g. flakes")
+  command->add_option("--scene", *path, "scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
   auto limits = std::make_shared<std::string>();

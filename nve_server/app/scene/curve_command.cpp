@@ -52,15 +52,15 @@ void run(const Options& options) {
 
 void add_curve_command(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("curve", "force-distance curve of a scene as CSV on standard output");
+      app.add_subcommand("curve", "Compute a force-distance curve of a scene (CSV on standard output)");
   auto options = std::make_shared<Options>();
   command
       ->add_option("--scene", options->scene,
-                   "file (TOML), or the name of one that came with the program, e.g. flakes")
+                   "scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
-  command->add_option("--x-nm", options->x_nm, "where, frame W; left out: where the scene starts");
-  command->add_option("--y-nm", options->y_nm, "where, frame W; left out: where the scene starts");
+  command->add_option("--x-nm", options->x_nm, "position, frame W (default: start position of the scene)");
+  command->add_option("--y-nm", options->y_nm, "position, frame W (default: start position of the scene)");
   command->add_option("--from-nm", options->plan.from_nm, "highest base height above the surface at (x, y)")
       ->capture_default_str();
   command->add_option("--to-nm", options->plan.to_nm, "lowest base height")->capture_default_str();

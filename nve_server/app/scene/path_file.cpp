@@ -71,8 +71,8 @@ std::vector<PathPoint> parse_path(const std::string& text, const std::string& na
       }
     }
     if (fields != 4) fail("has " + std::to_string(fields) + " fields, expected 4: " + std::string(kHeader));
-    if (!path.empty() && !(value[0] > path.back().t_s)) fail("the time does not rise");
-    if (path.size() == kRowsMax) fail("is beyond 1e7 rows");
+    if (!path.empty() && !(value[0] > path.back().t_s)) fail("the time does not increase");
+    if (path.size() == kRowsMax) fail("there are more than 1e7 rows");
     path.push_back({value[0], Vec3(value[1], value[2], value[3])});
   }
   if (!headed) throw UserError(name + ": is empty, expected the header " + std::string(kHeader));

@@ -152,12 +152,12 @@ void run(const Options& options) {
 }  // namespace
 
 void add_trace_command(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("trace", "move the tip along a path from a file; forces as CSV, marks as .gsf");
+  CLI::App* command = app.add_subcommand(
+      "trace", "Move the tip along a path from a file; writes forces as CSV and marks as .gsf");
   auto options = std::make_shared<Options>();
   command
       ->add_option("--scene", options->scene,
-                   "file (TOML), or the name of one that came with the program, e.g. flakes")
+                   "scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
   command
@@ -165,8 +165,7 @@ void add_trace_command(CLI::App& app) {
                    "CSV with the header t_s,x_nm,y_nm,z_nm: the commanded end, frame W")
       ->required()
       ->type_name("FILE");
-  command->add_option("--csv", options->csv, "where the result goes; left out: standard output")
-      ->type_name("FILE");
+  command->add_option("--csv", options->csv, "output file (default: standard output)")->type_name("FILE");
   command->add_option("--save-surface", options->surface, "the surface with its marks, as .gsf")
       ->type_name("FILE");
   command->add_option("--rate-hz", options->rate_hz, "steps a second between the rows")

@@ -116,7 +116,7 @@ AuditLog::AuditLog(std::string path, std::vector<server::AuditQueue*> queues, st
   open();
   if (file_ < 0)
     throw UserError(
-        fmt::format("--audit {}: {}; name a file that can be appended to", path_, std::strerror(errno)));
+        fmt::format("--audit {}: {}; give a file that can be appended to", path_, std::strerror(errno)));
   const rt::SignalsBlocked blocked;
   thread_ = std::thread([this] { run(); });
 }

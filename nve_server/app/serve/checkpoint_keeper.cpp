@@ -106,9 +106,10 @@ void CheckpointKeeper::require_folder(const std::string& folder) {
   if (::stat(folder.c_str(), &about) != 0 || !S_ISDIR(about.st_mode))
     throw UserError("--checkpoint " + folder + ": is not a folder");
   if (about.st_uid != ::geteuid() || (about.st_mode & 077) != 0)
-    throw UserError("--checkpoint " + folder +
-                    ": must belong to this user alone, since it holds what resumes sessions: chmod 700 " +
-                    folder);
+    throw UserError(
+        "--checkpoint " + folder +
+        ": only this user may have access to it, because its contents can resume sessions: chmod 700 " +
+        folder);
   if (::access(folder.c_str(), W_OK | X_OK) != 0)
     throw UserError("--checkpoint " + folder + ": cannot be written to");
 }
@@ -118,7 +119,7 @@ CheckpointKeeper::CheckpointKeeper(Config config, server::WorkerMail& mail)
   require_folder(config_.folder);
   const auto slave = config_.make_slave();
   if (config_.of.physics == 0 || !slave || slave->state_hash() == 0)
-    throw UserError("--checkpoint: this slave gives no state away; leave it out");
+    throw UserError("--checkpoint: this slave cannot save its state; omit --checkpoint");
   bytes_ = server::kCheckpointBytes + slave->snapshot_bytes_max();
   std::random_device device;
   self_ = digits((std::uint64_t{device()} << 32) | device() | 1);
@@ -295,7 +296,7 @@ bool CheckpointKeeper::write(const server::CheckpointNote& note, std::span<const
 /// Another server has taken the session up, which believed this one dead; it must not be here too.
 void CheckpointKeeper::lost(const server::CheckpointNote& note) {
   warn_once("lost", file_of(hash_of(note.token), self_).string() +
-                        ": is gone: another server has the session, and it ends here");
+                        ": is gone: another server has taken the session over, so it ends here");
   held_[note.token].lost = true;
   server::HandoffMessage message;
   message.kind = server::HandoffMessage::Kind::kTaken;
@@ -417,8 +418,8 @@ std::unique_ptr<server::SessionState> CheckpointKeeper::take_up(std::uint64_t to
   if (!server::read_checkpoint_head(payload, head) || head.token != token || head.owner != owner)
     return nullptr;
   if (head.of.scene_hash != config_.of.scene_hash || head.of.physics != config_.of.physics) {
-    warn_once(hash,
-              newest->path.string() + ": is of another scene, or of other physics: its station begins anew");
+    warn_once(hash, newest->path.string() +
+                        ": belongs to another scene or physics version: its station starts a new session");
     return nullptr;
   }
   auto state = server::read_checkpoint(config_.of, payload, config_.make_slave());

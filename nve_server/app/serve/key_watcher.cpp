@@ -74,16 +74,16 @@ void KeyWatcher::read(bool say) {
 /// Once for each end: of what has expired since the last look, and of what will within kWarnBefore_s.
 void KeyWatcher::warn_of_ends(const security::KeyList& list, std::int64_t now_s) {
   const auto look = [&](const std::string& name, std::optional<std::int64_t> expires_s,
-                        const char* follows = "rotate makes the key that follows it") {
+                        const char* follows = "rotate makes the key that replaces it") {
     if (!expires_s || *expires_s - now_s > kWarnBefore_s) return;
     const bool over = *expires_s <= now_s;
     if (!told_.insert({name, *expires_s, over}).second) return;
-    warn_("'" + name + "' " + (over ? "has expired: it opens nothing since " : "expires at ") +
+    warn_("'" + name + "' " + (over ? "has expired: it opens no sessions since " : "expires at ") +
           utc_text(*expires_s) + "; telenano-nve keys " + follows);
   };
   for (const security::KeyEntry& key : list.keys) look(key.identity, key.expires_s);
   for (const security::PublicKeyEntry& entry : list.public_keys)
-    look(entry.identity, entry.expires_s, "add with --overlap-days lets the station's next public key in");
+    look(entry.identity, entry.expires_s, "keys add with --overlap-days adds the station's next public key");
   for (const security::CertificateEntry& entry : list.certificates)
     look(entry.name.empty() ? entry.fingerprint : entry.name, entry.expires_s);
 }

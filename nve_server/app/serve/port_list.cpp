@@ -21,7 +21,7 @@ std::uint16_t port_of(const std::string& word, const std::string& text, const st
   const char* const end = word.data() + word.size();
   const auto parsed = std::from_chars(word.data(), end, port);
   if (word.empty() || parsed.ec != std::errc() || parsed.ptr != end || port > 65535)
-    refuse(text, what, "'" + word + "' is no port");
+    refuse(text, what, "'" + word + "' is not a port");
   return static_cast<std::uint16_t>(port);
 }
 

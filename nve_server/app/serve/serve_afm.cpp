@@ -55,22 +55,28 @@ ServeAfm::~ServeAfm() = default;
 void ServeAfm::add_flags(CLI::App& command) {
   std::vector<std::string> slaves = afm::adapter_names();
   slaves.insert(slaves.begin(), "nve");
-  command.add_option("--slave", slave_, "nve: a virtual environment; nanonis: an AFM by its controller")
+  command
+      .add_option("--slave", slave_,
+                  "nve: the virtual environment; nanonis: a real AFM with a Nanonis controller")
       ->capture_default_str()
       ->check(CLI::IsMember(slaves))
       ->type_name("NAME");
-  command.add_option("--controller", controller_, "Host of the AFM's controller")->type_name("HOST");
-  command.add_option("--ports", ports_, "Its TCP ports: motion, reads, data, emergency; a range or a list")
+  command.add_option("--controller", controller_, "Host name or address of the AFM controller")
+      ->type_name("HOST");
+  command
+      .add_option("--ports", ports_,
+                  "TCP ports of the controller for motion, signals, data and emergency; a range or a list")
       ->capture_default_str();
   command
-      .add_option(
-          "--afm-state", state_,
-          "Folder that keeps whether the tip may be out [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+      .add_option("--afm-state", state_,
+                  "Folder where the server notes that the tip may be near the sample [$STATE_DIRECTORY, else "
+                  "~/.local/state/telenano]")
       ->type_name("FOLDER");
   command.add_flag("--without-deadman", without_deadman_,
-                   "Go without one beside the controller: if this machine or the network dies, the tip stays "
-                   "on the sample");
-  command.add_option("--afm", afm_, "The rig and its limits (TOML; see deploy/afm.toml)")->type_name("FILE");
+                   "Run without a deadman next to the controller: if this machine or the network fails, the "
+                   "tip stays on the sample");
+  command.add_option("--afm", afm_, "Description of the AFM and its limits (TOML, see deploy/afm.toml)")
+      ->type_name("FILE");
 }
 
 void ServeAfm::check(const std::string& scene, const std::string& share, std::size_t workers) const {
@@ -87,9 +93,9 @@ void ServeAfm::check(const std::string& scene, const std::string& share, std::si
     throw UserError("serve: --controller is missing: expected the host of the AFM's controller");
   if (afm_.empty()) throw UserError("serve: --afm is missing: expected a file like deploy/afm.toml");
   if (share == "private")
-    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
+    throw UserError("serve: --share private: an AFM has one tip; omit --share, or give --share one-tip");
   if (workers > 1)
-    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
+    throw UserError("serve: --workers: an AFM has one tip, which one worker serves; omit --workers");
 }
 
 server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bool>& stop,
@@ -103,13 +109,12 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
         "when "
         "this machine or the network dies (deploy/afm/deadman.py); --without-deadman takes that risk");
   if (!config.deadman_key.empty() && without_deadman_)
-    throw UserError("--without-deadman: " + afm_ +
-                    " names one ([deadman] key): leave out the one or the other");
+    throw UserError("--without-deadman: " + afm_ + " names a deadman ([deadman] key): omit one of the two");
   afm::DriverOptions options;
   options.adapter = slave_;
   std::string emergency;
   for (std::size_t i = 0; i < ports.size(); ++i) {
-    if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is no port of a controller");
+    if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is not a port of a controller");
     const std::string text = controller_ + ":" + std::to_string(ports[i]);
     const net::Address address = net::parse_address(text, "--controller");
     if (i < options.ports.size()) {
@@ -188,18 +193,21 @@ CLI::App* add_afm_command(CLI::App& app) {
     std::string state, controller;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* const command = app.add_subcommand("afm", "An AFM's tip: approve an approach");
+  CLI::App* const command = app.add_subcommand("afm", "Approve an approach of an AFM's tip");
   command->require_subcommand(1);
   CLI::App* const approve = command->add_subcommand(
-      "approve", "Let the tip approach once, after a server that did not end with it withdrawn");
+      "approve", "Allow one approach after a server ended without withdrawing the tip");
   approve
       ->add_option("--afm-state", options->state,
-                   "The server's state folder [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+                   "State folder of the server [$STATE_DIRECTORY, else ~/.local/state/telenano]")
       ->type_name("FOLDER");
-  approve->add_option("--controller", options->controller, "Which, if there are several: its emergency port")
+  approve
+      ->add_option("--controller", options->controller,
+                   "Emergency port of the controller, if the folder knows several")
       ->type_name("HOST:PORT");
   approve->footer(
-      "The unit's folder is /var/lib/telenano. Look first whether the tip is up and the sample as it was.");
+      "First make sure that the tip is up and the sample is unchanged. The systemd service keeps its state "
+      "in\n/var/lib/telenano.");
   approve->callback([options] {
     const std::string latch = approve_tip(state_folder(options->state), options->controller);
     std::fprintf(stderr, "telenano-nve: approved one approach (%s)\n", latch.c_str());
@@ -222,7 +230,7 @@ void add_afm_guard_command(CLI::App& app, int& exit_code) {
     afm::GuardOrder order{*emergency, *silence_ms, *key_file};
     if (*from_server) {
       const auto said = afm::read_guard_order(STDIN_FILENO);
-      if (!said) throw UserError("afm-guard: standard input is no server that wants a guard");
+      if (!said) throw UserError("afm-guard: standard input is not a server that wants a guard");
       order = *said;
     }
     if (order.emergency.empty()) throw UserError("afm-guard: --emergency is missing: expected HOST:PORT");

@@ -49,9 +49,10 @@ link::SipKey fresh_secret() {
 std::string buffer_text(std::size_t granted) {
   std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
   if (granted >= net::Udp::kBufferBytes) return text;
-  return text +
-         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
-                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
+  return text + fmt::format(
+                    " of the {} KiB asked for: bursts may be lost; raise the limit with sysctl -w "
+                    "net.core.rmem_max={}",
+                    net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
 }
 
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
@@ -138,23 +139,20 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   options.security.check(options.listen, net::is_loopback(address));
   if (!options.local_rights.empty() && options.security.is_secure())
     throw UserError(
-        "--local-rights: with --keys every station has the right of its key (telenano-nve keys new "
-        "--rights); "
-        "leave it out");
+        "--local-rights: with --keys every station has the rights of its key (telenano-nve keys new "
+        "--rights); omit --local-rights");
   std::optional<LocalUserList> local_users;
   if (!options.local_users.empty()) {
     if (options.security.is_secure() || !options.local_rights.empty())
-      throw UserError(
-          "--local-users: says by itself who may come in, and without a key; leave out --keys and "
-          "--local-rights");
+      throw UserError("--local-users: lists who may connect without a key; omit --keys and --local-rights");
     local_users = LocalUserList::parse(options.local_users);
   }
   if (!options.checkpoints.empty()) {
     if (options.afm.wanted())
       throw UserError(
-          "--checkpoint: an AFM's tip and sample cannot be moved to another server; leave it out");
+          "--checkpoint: an AFM's tip and sample cannot be moved to another server; omit --checkpoint");
     if (options.share == "one-tip")
-      throw UserError("--checkpoint: a tip that is shared is not kept; leave out --share one-tip or this");
+      throw UserError("--checkpoint: a shared tip cannot be saved; omit --share one-tip or --checkpoint");
     CheckpointKeeper::require_folder(options.checkpoints);
   }
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
@@ -276,9 +274,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     }
   }
   if (options.busy_poll && !workers.nic_busy_poll())
-    log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
-  if (!marked)
-    log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
+    log->info("--busy-poll: spinning without SO_BUSY_POLL, which needs CAP_NET_ADMIN; this does no harm");
+  if (!marked) log->warn("--dscp {}: this system does not allow marking; datagrams are sent unmarked", dscp);
   {
     std::optional<KeyWatcher> watcher;
     if (secure) {
@@ -337,113 +334,110 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
 
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code, SceneHeights heights) {
   auto options = std::make_shared<ServeOptions>();
-  CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
+  CLI::App* const command = app.add_subcommand("serve", "Serve a scene to stations over UDP");
   command
       ->add_option("--scene", options->scene,
-                   "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, "
-                   "e.g. flakes")
+                   "Scene for --slave nve: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->type_name(config::kSceneOrFile);
   options->afm.add_flags(*command);
-  command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
+  command->add_option("--listen", options->listen, "HOST:PORT to listen on; port 0: any free port")
       ->capture_default_str();
-  command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
+  command->add_option("--max-sessions", options->max_sessions, "Maximum number of sessions at the same time")
       ->capture_default_str()
       ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
   command
-      ->add_option(
-          "--sessions-per-peer", options->sessions_per_peer,
-          "Of these, for one key, or in the clear for one IP address; left out: a quarter, at least 4")
+      ->add_option("--sessions-per-peer", options->sessions_per_peer,
+                   "Maximum number of sessions per key, or per IP address if unencrypted (default: a quarter "
+                   "of --max-sessions, at least 4)")
       ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
   command
       ->add_option("--local-rights", options->local_rights,
-                   "What a local user may who shows no key (in the clear): observe | operate (default) | "
-                   "administer, which takes a shared tip from anybody")
+                   "Rights of local users without a key (unencrypted only): observe | operate (default) | "
+                   "administer (may take a shared tip from anyone)")
       ->check(CLI::IsMember(std::vector<std::string>(net::kRightsNames.begin(), net::kRightsNames.end())));
   command
       ->add_option("--local-users", options->local_users,
-                   "Only these users of this machine, on loopback, each with a right, e.g. "
-                   "lab:operate,root:administer; "
-                   "the kernel says whose a socket is")
+                   "Accept only these users of this machine, on loopback, each with a right, e.g. "
+                   "lab:operate,root:administer; the kernel identifies the user")
       ->type_name("USER:RIGHT,...");
   command
       ->add_option("--workers", options->workers,
-                   "Threads that serve; each station is one thread's, by its address and port")
+                   "Number of serving threads; a station's address and port decide which thread serves it")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
   command->add_flag("--no-scene-sharing", options->no_scene_sharing,
-                    "Do not let stations fetch the scene (description and scan) that they touch");
+                    "Do not let stations download the scene (description and scan)");
   command
       ->add_option("--timeout-ms", options->timeout_ms,
-                   "Silence after which a session's slave retracts; left out: as the scene says")
+                   "Silence of a station after which its tip is retracted (default: set by the scene)")
       ->check(CLI::Range(10, 60000));
-  command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
+  command
+      ->add_option("--resume-s", options->resume_s,
+                   "How long a station that went silent can still resume its session")
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
   command
-      ->add_option("--drain-seconds", options->drain_s,
-                   "At SIGTERM take no new sessions and end with the last one, after so long in any case; a "
-                   "second SIGTERM ends at once. SIGUSR1 drains without this too, for as long as it takes")
+      ->add_option(
+          "--drain-seconds", options->drain_s,
+          "On SIGTERM, refuse new sessions and exit when the last one ends, or after this many seconds; a "
+          "second SIGTERM exits at once. SIGUSR1 drains without a time limit, even without this flag")
       ->check(CLI::Range(1, 86400));
   command
-      ->add_option(
-          "--share", options->share,
-          "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
-          "the tip, the others observe")
+      ->add_option("--share", options->share,
+                   "private: each session has its own tip and sample (default); one-tip: one session moves "
+                   "the tip, the others observe")
       ->check(CLI::IsMember({"private", "one-tip"}));
   CLI::Option* const busy_poll =
       command->add_flag("--busy-poll", options->busy_poll,
-                        "Spin instead of sleeping: quickest answers, a core busy for each worker");
+                        "Spin instead of sleeping: the lowest latency, but each worker keeps one core busy");
   // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
   command
       ->add_option("--rt-priority", options->realtime_priority,
-                   "SCHED_FIFO priority of the threads that serve: no other program makes stations wait; 0 = "
-                   "ordinary")
+                   "SCHED_FIFO priority of the serving threads, so that other programs do not delay replies; "
+                   "0: normal scheduling")
       ->capture_default_str()
       ->check(CLI::Range(0, 99))
       ->excludes(busy_poll);
   command->add_flag(
       "--low-latency", options->low_latency,
-      "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
+      "Keep the processors out of deep sleep while serving: they wake faster, but produce more heat");
   command
-      ->add_option(
-          "--save-surface", options->surfaces,
-          "Folder for each session's marked surface (SCENE-NUMBER.gsf, the next free number), written "
-          "every 2 s and when it ends")
+      ->add_option("--save-surface", options->surfaces,
+                   "Save each session's surface with its marks in this folder (SCENE-NUMBER.gsf, next free "
+                   "number), every 2 s and at the end of the session")
       ->type_name("DIR");
   command
-      ->add_option(
-          "--checkpoint", options->checkpoints,
-          "Folder, this user's alone, to keep each session's tip, marks and account in, every second and "
-          "at the end: this server started again, or another one with the same folder and scene, goes "
-          "on with them")
+      ->add_option("--checkpoint", options->checkpoints,
+                   "Save each session's tip, marks and energy account in this folder, every second and at "
+                   "the end; only this user may have access to it. After a restart, or on another server "
+                   "with the same folder and scene, the sessions continue")
       ->type_name("DIR");
   command
-      ->add_option(
-          "--audit", options->audit,
-          "File to append one JSON line to for each session, refusal, change of a shared tip and fault; "
-          "SIGHUP opens it anew")
+      ->add_option("--audit", options->audit,
+                   "Append one JSON line to this file for each session, refusal, change of the shared tip's "
+                   "holder and fault; SIGHUP reopens the file")
       ->type_name("FILE");
   command
       ->add_option("--metrics", options->metrics,
-                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one. Also "
-                   "/healthz and /readyz, for who watches the server")
+                   "Serve Prometheus metrics at HOST:PORT, e.g. 127.0.0.1:9464 (port 0: any free port), and "
+                   "/healthz and /readyz for monitoring")
       ->type_name("HOST:PORT");
   command->add_flag("--metrics-public", options->metrics_public,
-                    "Let --metrics listen off loopback, where anybody can read it");
+                    "Allow --metrics on a non-loopback address, where anyone can read it");
   command
       ->add_option("--web", options->web,
-                   "Show the running sessions to browsers, read only, at HOST:PORT, e.g. 127.0.0.1:8080; "
-                   "prints an address with a token that works once")
+                   "Show the running sessions in a browser, read-only, at HOST:PORT, e.g. 127.0.0.1:8080; "
+                   "prints an address with a one-time token")
       ->type_name("HOST:PORT");
   command->add_flag("--web-public", options->web_public,
-                    "Let --web listen off loopback, where pictures and token travel unencrypted");
-  command->add_option("--web-clients", options->web_clients, "Browsers that may look at once")
+                    "Allow --web on a non-loopback address, where pictures and token are sent unencrypted");
+  command->add_option("--web-clients", options->web_clients, "Maximum number of browsers at the same time")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
   command
-      ->add_option(
-          "--dscp", options->dscp,
-          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->add_option("--dscp", options->dscp,
+                   "DSCP marking of outgoing packets, for routers that use it: ef (46, expedited "
+                   "forwarding), none, 0-63")
       ->capture_default_str();
   options->security.add_flags(*command);
   command->callback([options, load = std::move(load_scene), heights = std::move(heights), &exit_code] {

@@ -14,17 +14,21 @@ namespace telenano::app {
 void ServeSecurity::add_flags(CLI::App& command) {
   command
       .add_option("--keys", keys,
-                  "Who may open sessions, which are then encrypted: the list of keys, or its folder")
+                  "Encrypt all sessions and accept only the keys in this list (a file, or the folder that "
+                  "contains keys.toml)")
       ->type_name("FILE|DIR");
   command
       .add_option("--cert", certificate,
-                  "Certificate of this server (PEM), for stations with certificates; with --cert-key, --ca "
+                  "This server's certificate (PEM), for stations with certificates; needs --cert-key, --ca "
                   "and --keys")
       ->type_name("FILE");
   command.add_option("--cert-key", certificate_key, "Private key of --cert (PEM)")->type_name("FILE");
-  command.add_option("--ca", authority, "Authorities that may have signed the stations' certificates (PEM)")
+  command
+      .add_option("--ca", authority,
+                  "Certificate authorities that are trusted to sign station certificates (PEM)")
       ->type_name("FILE");
-  command.add_flag("--insecure", insecure, "Serve in the clear; on loopback only, where it is the default");
+  command.add_flag("--insecure", insecure,
+                   "Serve without encryption; only on loopback, where this is the default");
 }
 
 std::string ServeSecurity::key_list_path() const {
@@ -37,11 +41,10 @@ void ServeSecurity::check(const std::string& listen, bool loopback) const {
   const bool all = !certificate.empty() && !certificate_key.empty() && !authority.empty();
   if (any && (!all || keys.empty())) {
     throw UserError(
-        "--cert, --cert-key, --ca and --keys go together: the list of keys says which certificates may come "
-        "in; give "
-        "all four");
+        "--cert, --cert-key, --ca and --keys are used together: the list of keys says which certificates are "
+        "accepted; give all four");
   }
-  if (insecure && is_secure()) throw UserError("--insecure and --keys: give one of them");
+  if (insecure && is_secure()) throw UserError("give either --insecure or --keys");
   if (insecure && !loopback)
     throw UserError("--insecure: only on loopback, and --listen " + listen +
                     " is not; give --keys FILE instead");
@@ -72,9 +75,9 @@ std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessio
   if (list.empty()) {
     const bool expired = !all.empty();
     throw UserError("--keys " + key_list_path() +
-                    (expired ? ": all that is in it has expired, so nobody could come in; telenano-nve keys "
+                    (expired ? ": everything in it has expired, so nobody could connect; telenano-nve keys "
                                "list shows when, keys new NAME adds a key"
-                             : ": is empty, so nobody could come in; telenano-nve keys new NAME adds a key"));
+                             : ": is empty, so nobody could connect; telenano-nve keys new NAME adds a key"));
   }
   if (!all.public_keys.empty() && certificate.empty() && config.identity.empty()) {
     throw UserError("--keys " + key_list_path() +

@@ -44,7 +44,7 @@ std::string read_id(const std::string& path) {
   });
   if (!good)
     throw UserError(path +
-                    ": this is no latch of an AFM's tip: look whether the tip is up, then remove the file");
+                    ": this is no latch of an AFM's tip: check whether the tip is up, then remove the file");
   return id;
 }
 
@@ -155,7 +155,7 @@ void become_owner(const std::string& latch) {
   struct stat info {};
   if (::stat(latch.c_str(), &info) != 0 || info.st_uid == ::geteuid()) return;
   if (::geteuid() == 0 && ::setegid(info.st_gid) == 0 && ::seteuid(info.st_uid) == 0) return;
-  throw UserError(latch + " is another user's: run this as root, or as that user (uid " +
+  throw UserError(latch + " belongs to another user: run this as root, or as that user (uid " +
                   std::to_string(info.st_uid) + ")");
 }
 
@@ -178,7 +178,7 @@ std::string approve_tip(const std::string& folder, const std::string& controller
   }
   if (latches.empty())
     throw UserError("nothing to approve in " + folder + (controller.empty() ? "" : " for " + controller) +
-                    ": no server runs there, and none has left its tip out");
+                    ": no server runs there, and none ended without withdrawing the tip");
   if (latches.size() > 1)
     throw UserError("more than one AFM in " + folder +
                     ": name one with --controller HOST:PORT (its emergency port)");

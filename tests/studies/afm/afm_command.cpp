@@ -153,15 +153,17 @@ void run_afm(const AfmOptions& options) {
 
 void add_afm_command(CLI::App& app) {
   const auto options = std::make_shared<AfmOptions>();
-  CLI::App* const command = app.add_subcommand(
-      "afm", "An AFM behind the slave's port: touch and tasks beside the NVE, faults while it indents");
-  command->add_option("--out", options->out, "folder to write index.html, CSV and figures into")
+  CLI::App* const command = app.add_subcommand("afm",
+                                               "A simulated AFM as the slave: contact and tasks compared "
+                                               "with the virtual environment, and faults during indentation");
+  command->add_option("--out", options->out, "output folder for index.html, CSV files and figures")
       ->capture_default_str();
-  command->add_option("--trials", options->trials, "faults, each at a random moment")
+  command->add_option("--trials", options->trials, "number of faults, each at a random moment")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
-  command->add_option("--only", options->only, "faults, touch or tasks [all]");
-  command->add_option("--seed", options->seed, "same seed, same bits")->capture_default_str();
+  command->add_option("--only", options->only, "run only this part: faults, touch or tasks [all]");
+  command->add_option("--seed", options->seed, "random seed; the same seed gives the same bits")
+      ->capture_default_str();
   command->callback([options] { run_afm(*options); });
 }
 

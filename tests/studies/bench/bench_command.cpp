@@ -62,10 +62,9 @@ void add_net(CLI::App& bench) {
   };
   auto all = std::make_shared<All>();
   all->o.scene = flat_table();
-  CLI::App* const c = bench.add_subcommand(
-      "net",
-      "Round trip of an exchange beside a UDP ping-pong of the same bytes: polled, blocking on one core, "
-      "blocking across cores");
+  CLI::App* const c = bench.add_subcommand("net",
+                                           "Round trip of an exchange, compared with a UDP ping-pong of the "
+                                           "same size: polling, blocking on one core, blocking across cores");
   c->add_option("--scene", all->o.scene, "Scene file")->capture_default_str();
   c->add_option("--rounds", all->o.rounds, "Of product and floor in turn")
       ->capture_default_str()
@@ -86,8 +85,8 @@ void add_net(CLI::App& bench) {
 
 void add_codec(CLI::App& bench) {
   auto rounds = std::make_shared<int>(25);
-  CLI::App* const c =
-      bench.add_subcommand("codec", "Command and reply to bytes and back beside copying the structs");
+  CLI::App* const c = bench.add_subcommand(
+      "codec", "Encoding and decoding of command and reply, compared with copying the structs");
   c->add_option("--rounds", *rounds, "Of product and floor in turn")
       ->capture_default_str()
       ->check(CLI::Range(1, 10000));
@@ -161,10 +160,10 @@ void add_server(CLI::App& bench) {
   auto all = std::make_shared<All>();
   all->capacity.flat = all->paced.scene = flat_table();
   all->capacity.scan = scenes_folder() + "flakes.toml";
-  CLI::App* const c = bench.add_subcommand("server",
-                                           "Exchanges for a second of one core beside an echo of the same "
-                                           "bytes; --sessions: does this many at --rate "
-                                           "hold? --find-max: how many do?");
+  CLI::App* const c = bench.add_subcommand(
+      "server",
+      "Exchanges per second of one core, compared with an echo of the same size; --sessions: test whether so "
+      "many sessions run at --rate; --find-max: find the largest number");
   c->add_option("--flat", all->capacity.flat, "Scene file of the flat sample")->capture_default_str();
   c->add_option("--scan", all->capacity.scan, "Scene file of the scan")->capture_default_str();
   c->add_option("--rounds", all->capacity.rounds, "Of product and floor in turn")
@@ -181,7 +180,7 @@ void add_server(CLI::App& bench) {
   c->add_flag("--find-max", all->find_max,
               "Largest number of stations at --rate that holds, --seconds each try")
       ->excludes(sessions);
-  c->add_option("--rate", all->paced.rate_hz, "Commands a second of each")
+  c->add_option("--rate", all->paced.rate_hz, "Commands per second of each station")
       ->capture_default_str()
       ->check(CLI::Range(100, 8000));
   c->add_option("--together", all->paced.together, "So many stations share a socket and send at once")
@@ -231,8 +230,8 @@ void add_memory(CLI::App& bench) {
   o->program = nve_beside_this();
   o->flat = flat_table();
   o->scan = scenes_folder() + "flakes.toml";
-  CLI::App* const c = bench.add_subcommand(
-      "memory", "What one more session takes of a server's memory, in the clear and encrypted");
+  CLI::App* const c =
+      bench.add_subcommand("memory", "Memory of the server per session, unencrypted and encrypted");
   c->add_option("--program", o->program, "telenano-nve")->capture_default_str();
   c->add_option("--flat", o->flat, "Scene file of the flat sample")->capture_default_str();
   c->add_option("--scan", o->scan, "Scene file of the scan")->capture_default_str();

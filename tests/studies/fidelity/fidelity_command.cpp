@@ -201,25 +201,27 @@ void add_fidelity_command(CLI::App& app, int& exit_code) {
   std::string names;
   for (const control::Method method : control::kAllMethods)
     names += (names.empty() ? "" : ", ") + std::string(control::method_name(method));
-  CLI::App* const command = app.add_subcommand(
-      "fidelity",
-      "Felt force against true force: every scene, over round trips and loss, by each method of control");
-  command->add_option("--out", a->options.out, "folder to write index.html, CSV and figures into")
+  CLI::App* const command = app.add_subcommand("fidelity",
+                                               "Compare the felt force with the true force, for every scene, "
+                                               "over round trips and loss, with each control method");
+  command->add_option("--out", a->options.out, "output folder for index.html, CSV files and figures")
       ->capture_default_str();
-  command->add_option("--scenes", a->options.scenes, "scenes, or scene/motion, separated by commas [all]")
+  command->add_option("--scenes", a->options.scenes, "scenes, or SCENE/MOTION, separated by commas [all]")
       ->delimiter(',');
   command->add_option("--methods", a->methods, "some of: " + names + " [none,tank,wave,tdpa,model,twin]")
       ->delimiter(',');
-  command->add_option("--rtt", a->rtt, "round trips, ms, separated by commas [0,20,50,100,200,500]");
-  command->add_option("--loss", a->loss, "shares of datagrams lost each way, separated by commas [0,0.1]");
-  command->add_option("--seed", a->options.seed, "same seed, same bits")->capture_default_str();
+  command->add_option("--rtt", a->rtt, "round trips in ms, separated by commas [0,20,50,100,200,500]");
+  command->add_option("--loss", a->loss,
+                      "fractions of datagrams lost in each direction, separated by commas [0,0.1]");
+  command->add_option("--seed", a->options.seed, "random seed; the same seed gives the same bits")
+      ->capture_default_str();
   command->add_flag("--quick", a->options.quick,
-                    "seven motions, two round trips, four methods: some seconds");
+                    "seven motions, two round trips, four methods: a few seconds");
   command->add_flag("--check-sensitivity", a->options.check_sensitivity,
-                    "besides: is every renderer that is wrong on purpose found out? Exit status 1 if not");
-  command->add_flag(
-      "--real", a->options.real,
-      "the real programs through a relay, in real time: the first of --rtt [100] and of --loss [0.02]");
+                    "also check that every deliberately wrong renderer is detected; exit status 1 if not");
+  command->add_flag("--real", a->options.real,
+                    "run the real programs through a relay in real time, with the first value of --rtt [100] "
+                    "and of --loss [0.02]");
   command->callback([a, command, &exit_code] {
     for (const std::string& name : a->methods) a->options.methods.push_back(control::parse_method(name));
     if (command->count("--rtt") > 0) a->options.rtt_ms = parse_list(a->rtt, "fidelity: --rtt");

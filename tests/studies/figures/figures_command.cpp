@@ -10,8 +10,8 @@
 namespace telenano::studies {
 
 void add_figures_command(CLI::App& app) {
-  CLI::App* command =
-      app.add_subcommand("figures", "The figures of the source papers as CSV, SVG and one HTML page");
+  CLI::App* command = app.add_subcommand(
+      "figures", "Reproduce the figures of the source papers as CSV, SVG and one HTML page");
   struct Options {
     std::string out = "figures";
     std::vector<std::string> only;
@@ -20,7 +20,7 @@ void add_figures_command(CLI::App& app) {
   std::string names;
   for (const NamedFigure& figure : named_figures())
     names += (names.empty() ? "" : ", ") + std::string(figure.name);
-  command->add_option("--out", options->out, "folder to write into")->capture_default_str();
+  command->add_option("--out", options->out, "output folder")->capture_default_str();
   command->add_option("--only", options->only, "some of: " + names)->delimiter(',');
   command->callback([options] { draw_figures(options->only, options->out); });
 }

@@ -92,23 +92,23 @@ void run(const FloodOptions& o) {
 
 void add_flood_command(CLI::App& app) {
   auto o = std::make_shared<FloodOptions>();
-  CLI::App* const c = app.add_subcommand("flood",
-                                         "A session with a server on this machine, alone and while random, "
-                                         "truncated, forged and replayed datagrams come from other "
-                                         "sockets. CSV, a row each");
-  c->add_option("--server", o->server, "HOST:PORT of telenano-nve serve, on loopback, without --keys")
+  CLI::App* const c = app.add_subcommand(
+      "flood",
+      "Measure a session with a server on this machine, first undisturbed, then while random, truncated, "
+      "forged and replayed datagrams arrive from other sockets; one CSV row per case");
+  c->add_option("--server", o->server, "HOST:PORT of telenano-nve serve on loopback, without --keys")
       ->required();
-  c->add_option("--seconds", o->seconds, "Of each row")
+  c->add_option("--seconds", o->seconds, "Duration of each row, s")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 86400.0));
-  c->add_option("--rate", o->rate_per_s, "Hostile datagrams a second; what the machine gives is told")
+  c->add_option("--rate", o->rate_per_s, "Hostile datagrams per second; the rate reached is reported")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e7));
-  c->add_option("--rate-hz", o->rate_hz, "Of the session")
+  c->add_option("--rate-hz", o->rate_hz, "Command rate of the session, Hz")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 8000.0));
-  c->add_option("--seed", o->seed, "Of the hostile bytes")->capture_default_str();
-  c->add_flag("--echo", o->echo, "The same with a bare echo, to compare");
+  c->add_option("--seed", o->seed, "Random seed of the hostile bytes")->capture_default_str();
+  c->add_flag("--echo", o->echo, "Measure a bare echo as well, for comparison");
   c->callback([o] { run(*o); });
 }
 

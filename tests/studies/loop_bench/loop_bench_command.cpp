@@ -37,8 +37,8 @@ void run(const LoopBenchConfig& config) {
 }  // namespace
 
 void add_loop_bench(CLI::App& bench) {
-  CLI::App* command =
-      bench.add_subcommand("loop", "How late the station's loop wakes, beside cyclictest --laptop");
+  CLI::App* command = bench.add_subcommand(
+      "loop", "Wake-up latency of the station's loop, compared with cyclictest --laptop");
   const auto config = std::make_shared<LoopBenchConfig>();
   const auto no_load = std::make_shared<bool>(false);
   command->add_option("--rates", config->rates_hz, "Hz")

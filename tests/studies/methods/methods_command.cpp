@@ -85,17 +85,19 @@ void add_methods_command(CLI::App& app) {
        std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()))
     names += (names.empty() ? "" : ", ") + std::string(control::method_name(method));
   CLI::App* command = app.add_subcommand(
-      "methods", "What each method of control shows of a wall over a delay, and what it lets a hand extract");
-  command->add_option("--out", a->options.out, "folder to write index.html, CSV and figures into")
+      "methods",
+      "For each control method: how a wall feels over a delay, and how much energy a hand can extract");
+  command->add_option("--out", a->options.out, "output folder for index.html, CSV files and figures")
       ->capture_default_str();
   command->add_option("--methods", a->methods, "some of: " + names + " [all]")->delimiter(',');
   command->add_option("--rtt-ms", a->rtt_ms,
-                      "round trips, ms, separated by commas [0,10,20,50,100,200,500,1000]");
+                      "round trips in ms, separated by commas [0,10,20,50,100,200,500,1000]");
   command->add_option("--only", a->options.only,
-                      "press (what is shown) or attack (what can be extracted) [both]");
+                      "press (what the hand feels) or attack (energy that can be extracted) [both]");
   command->add_flag("--quick", a->options.quick,
-                    "fewer hands and fewer steps of theirs: seconds, not minutes");
-  command->add_option("--seed", a->options.seed, "same seed, same bits")->capture_default_str();
+                    "fewer simulated hands and shorter searches: seconds, not minutes");
+  command->add_option("--seed", a->options.seed, "random seed; the same seed gives the same bits")
+      ->capture_default_str();
   command->callback([a, command] {
     for (const std::string& name : a->methods) a->options.methods.push_back(control::parse_method(name));
     if (command->count("--rtt-ms") > 0) a->options.rtt_ms = parse_list(a->rtt_ms, "methods: --rtt-ms");

@@ -126,12 +126,10 @@ void run_precision(const PrecisionOptions& options) {
 
 void add_precision_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
-      "precision",
-      "Error against run time of every method that there is a choice of, as one HTML page with CSV");
+      "precision", "Compare error and run time of the numerical methods, as one HTML page with CSV");
   const auto options = std::make_shared<PrecisionOptions>();
-  command->add_option("--out", options->out, "folder to write index.html and data/ into")
-      ->capture_default_str();
-  command->add_flag("--quick", options->quick, "fewer points and repeats: some seconds instead of minutes");
+  command->add_option("--out", options->out, "output folder for index.html and data/")->capture_default_str();
+  command->add_flag("--quick", options->quick, "fewer points and repetitions: seconds instead of minutes");
   command->add_option("--only", options->only, "some of: " + part_names())->delimiter(',');
   command->callback([options] { run_precision(*options); });
 }

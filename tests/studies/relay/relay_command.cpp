@@ -93,42 +93,49 @@ void add_relay_command(CLI::App& app) {
   auto o = std::make_shared<RelayOptions>();
   CLI::App* const c = app.add_subcommand(
       "relay",
-      "UDP datagrams between stations and a server over a bad link. A,B: to the server, to the client; one "
-      "number: both. Times of outages and traces count from the start. Ends with CSV, one row a direction");
-  c->add_option("--listen", o->listen, "HOST:PORT for the stations; port 0: any free one")->required();
+      "Relay UDP datagrams between stations and a server, and disturb them like a bad link. A,B: values to "
+      "the server and to the station; one value: both. Times of outages and traces start with the relay. "
+      "Prints CSV at the end, one row per direction");
+  c->add_option("--listen", o->listen, "HOST:PORT for the stations; port 0: any free port")->required();
   c->add_option("--to", o->to, "HOST:PORT of the server")->required();
   const auto number = [&](const char* flag, std::string& value, const char* text) {
     c->add_option(flag, value, text)->capture_default_str();
   };
-  number("--delay-ms", o->delay_ms, "Delay one way, A[,B]; 0 to 60000");
+  number("--delay-ms", o->delay_ms, "One-way delay, A[,B]; 0 to 60000");
   number("--jitter-ms", o->jitter_ms,
-         "Added at random, A[,B]: width, standard deviation or mean; 0 to 60000");
+         "Random additional delay, A[,B]: its width, standard deviation or mean; 0 to 60000");
   number("--jitter", o->jitter, "uniform | half-normal | exponential");
   c->add_flag("--any-order", o->any_order,
-              "Jitter reorders; otherwise a late datagram delays those behind it");
-  number("--loss", o->loss, "Probability, A[,B]; 0 to 1");
-  number("--burst", o->burst, "Mean run of losses, datagrams (Gilbert-Elliott), A[,B]; 1: independent");
-  number("--burst-ms", o->burst_ms, "Mean run of losses in time instead, A[,B]; 0 to 60000");
-  number("--duplicate", o->duplicate, "Probability of coming twice, A[,B]; 0 to 1");
-  number("--reorder", o->reorder, "Probability of being held back, A[,B]; 0 to 1");
-  number("--reorder-ms", o->reorder_ms, "How long then, A[,B]; 0 to 60000");
+              "Let jitter reorder datagrams; otherwise a late datagram delays those behind it");
+  number("--loss", o->loss, "Probability of loss, A[,B]; 0 to 1");
+  number("--burst", o->burst,
+         "Mean length of a loss burst in datagrams (Gilbert-Elliott), A[,B]; 1: independent losses");
+  number("--burst-ms", o->burst_ms, "Mean duration of a loss burst, instead of --burst, A[,B]; 0 to 60000");
+  number("--duplicate", o->duplicate, "Probability that a datagram is duplicated, A[,B]; 0 to 1");
+  number("--reorder", o->reorder, "Probability that a datagram is held back, A[,B]; 0 to 1");
+  number("--reorder-ms", o->reorder_ms, "How long it is held back, A[,B]; 0 to 60000");
   number("--corrupt", o->corrupt, "Probability that one bit is flipped, A[,B]; 0 to 1");
-  number("--truncate", o->truncate, "Probability of being cut to any shorter length, A[,B]; 0 to 1");
+  number("--truncate", o->truncate,
+         "Probability that a datagram is truncated to a random length, A[,B]; 0 to 1");
   number("--rate-bit-s", o->rate_bit_s,
-         "What the link carries, headers counted, A[,B]; 0: all, or 1000 to 1e10");
-  number("--queue-bytes", o->queue_bytes, "Room before it, A[,B]; what does not fit is lost; 100 to 1e9");
-  number("--drift-ppm", o->drift_ppm, "Delay grows by this part of the time, A[,B]; -1000 to 1000");
-  c->add_option("--outage", o->outage, "START:LENGTH,... in seconds");
-  c->add_option("--random-outage", o->random_outage, "GAP:LENGTH, mean seconds between outages and of one");
-  c->add_option("--trace", o->trace, "CSV time_s,delay_ms,lost, replayed over and over, both ways");
-  c->add_option("--seed", o->seed, "Same seed, same draws")->capture_default_str();
-  c->add_option("--max-clients", o->max_clients, "Stations at once; 1 to 1024")->capture_default_str();
-  c->add_option("--idle-s", o->idle_s, "A silent station gives its place up after this; 0.1 to 1e6")
+         "Capacity of the link, headers included, A[,B]; 0: unlimited, or 1000 to 1e10");
+  number("--queue-bytes", o->queue_bytes,
+         "Queue in front of the link, A[,B]; datagrams that do not fit are lost; 100 to 1e9");
+  number("--drift-ppm", o->drift_ppm,
+         "Growth of the delay, in parts per million of the elapsed time, A[,B]; -1000 to 1000");
+  c->add_option("--outage", o->outage, "Outages START:LENGTH,... in seconds");
+  c->add_option("--random-outage", o->random_outage,
+                "Random outages GAP:LENGTH: mean time between outages and mean duration, s");
+  c->add_option("--trace", o->trace, "CSV file time_s,delay_ms,lost; repeated, in both directions");
+  c->add_option("--seed", o->seed, "Random seed; the same seed gives the same faults")->capture_default_str();
+  c->add_option("--max-clients", o->max_clients, "Maximum number of stations at the same time; 1 to 1024")
       ->capture_default_str();
-  c->add_option("--duration-s", o->duration_s, "Ends after this; 0: at SIGINT or SIGTERM")
+  c->add_option("--idle-s", o->idle_s, "Silence after which a station loses its place, s; 0.1 to 1e6")
       ->capture_default_str();
-  c->add_flag("--expose", o->expose, "Listen off loopback though the server is on it");
-  c->add_flag("--quiet", o->quiet, "No line a second");
+  c->add_option("--duration-s", o->duration_s, "Duration, s; 0: until SIGINT or SIGTERM")
+      ->capture_default_str();
+  c->add_flag("--expose", o->expose, "Allow a non-loopback --listen for a server on loopback");
+  c->add_flag("--quiet", o->quiet, "Do not print a status line every second");
   c->callback([o] { run(*o); });
 }
 

@@ -113,13 +113,12 @@ bool run_one(const std::string& file, const std::string& scene) {
 void add_replay_command(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "replay",
-      "Run recorded sessions again in virtual time: every force must come out as recorded, bit for bit");
+      "Replay recorded sessions in virtual time and check that every force is the recorded one, bit for bit");
   const auto options = std::make_shared<ReplayOptions>();
   command->add_option("FILE", options->files, "recordings")->required();
   command
-      ->add_option(
-          "--scene", options->scene,
-          "Scene: a file (TOML), or the name of one that came with the program; left out: as recorded")
+      ->add_option("--scene", options->scene,
+                   "Scene: a file (TOML) or the name of a supplied scene (default: the recorded one)")
       ->type_name(config::kSceneOrFile);
   command->callback([options, &exit_code] {
     std::printf(

@@ -92,7 +92,7 @@ std::string make_report(const ReportRequest& request) {
 }
 
 void add_report_command(CLI::App& app) {
-  CLI::App* command = app.add_subcommand("report", "Summary and figures of recordings as one HTML page");
+  CLI::App* command = app.add_subcommand("report", "Summary and figures of recordings, as one HTML page");
   struct Options {
     ReportRequest request;
     std::string out = "report";
@@ -101,8 +101,7 @@ void add_report_command(CLI::App& app) {
     std::string curve;
   };
   const auto options = std::make_shared<Options>();
-  command->add_option("--out", options->out, "folder to write index.html and data/ into")
-      ->capture_default_str();
+  command->add_option("--out", options->out, "output folder for index.html and data/")->capture_default_str();
   command->add_option("--title", options->request.title, "title of the page")->capture_default_str();
   command->add_option("--run", options->runs, "LABEL=FILE of a recording; may be repeated");
   command->add_option(

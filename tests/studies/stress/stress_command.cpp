@@ -232,53 +232,56 @@ void add_stress_command(CLI::App& app, int& exit_code) {
   std::string methods;
   for (const control::Method method : control::kAllMethods)
     methods += (methods.empty() ? "" : ", ") + std::string(control::method_name(method));
-  CLI::App* command = app.add_subcommand(
-      "stress",
-      "What links, hands and failures of every kind do to a session, in virtual time; what must hold, "
-      "held against an independent account at every sample");
-  command->add_flag("--quick", a->quick, "some hundred short runs: a minute");
-  command->add_flag("--full", a->full, "more than 20 000 runs of 10 s and more");
+  CLI::App* command =
+      app.add_subcommand("stress",
+                         "Stress test in virtual time: sessions with all kinds of links, hands and failures; "
+                         "every promise is checked against an independent account at every sample");
+  command->add_flag("--quick", a->quick, "a few hundred short runs: about a minute");
+  command->add_flag("--full", a->full, "more than 20 000 runs of at least 10 s");
   command
       ->add_option("--sample", a->sample,
-                   "N independent draws of everything: bounds.csv has each feature's rate of broken promises")
+                   "N random runs; bounds.csv contains the rate of broken promises for each feature")
       ->check(CLI::Range(std::size_t{1}, std::size_t{10'000'000}))
       ->type_name("N");
   command
       ->add_option("--merge", a->merge_folder,
-                   "folder of a sweep that was made in shards: joins them into runs.csv and makes the report")
+                   "join the shards in this folder into runs.csv and write the report")
       ->type_name("DIR");
-  command->add_option("--replay", a->replay, "one run, as the report's table of worst cases gives it")
+  command
+      ->add_option("--replay", a->replay, "repeat one run, written as in the report's table of worst cases")
       ->type_name("'KEY=VALUE ...'");
-  command->add_option("--trace", a->trace, "with --replay: every tick of it, CSV")->type_name("FILE");
-  command->add_option("--shrink", a->shrink_spec, "the least that still does what this run does")
+  command->add_option("--trace", a->trace, "with --replay: write every tick as CSV")->type_name("FILE");
+  command->add_option("--shrink", a->shrink_spec, "find the simplest run that still breaks the same promise")
       ->type_name("'KEY=VALUE ...'");
-  command->add_flag("--mutants", a->mutants, "controllers that are wrong on purpose: each must be found out");
+  command->add_flag("--mutants", a->mutants, "run deliberately wrong controllers: each must be detected");
+  command->add_flag("--realtime", a->realtime,
+                    "compare some runs in real time with the same runs in virtual time: over UDP and the "
+                    "relay, then with the real programs over DTLS on a busy machine (three minutes; with "
+                    "--quick only two runs of the programs, 15 s)");
   command->add_flag(
-      "--realtime", a->realtime,
-      "some runs in real time, over UDP and the relay, then with the real programs over DTLS on a busy "
-      "machine, "
-      "against the same in virtual time: three minutes; with --quick two of the programs': 15 s");
-  command->add_flag("--bench", a->bench,
-                    "steps a second and core of each method, and of two threads against one: half a minute");
+      "--bench", a->bench,
+      "measure steps per second and core for each method, and two threads against one: half a minute");
   command
       ->add_option("--results", a->results,
-                   "when all is there: keep page, sums and what broke in this folder, without the long table")
+                   "when the sweep is complete: copy the page, the summaries and the broken promises to this "
+                   "folder, without the long table")
       ->type_name("DIR");
-  command->add_option("--out", a->out, "folder for tables and report")->capture_default_str();
+  command->add_option("--out", a->out, "output folder for tables and report")->capture_default_str();
   command->add_option("--methods", a->methods, "some of: " + methods + " [all]")->delimiter(',');
   command->add_option("--scenes", a->scenes, "some of: " + scene_kind_names() + " [the first six]")
       ->delimiter(',');
-  command->add_option("--rtt-ms", a->rtt_ms, "only round trips within MIN:MAX [0:1000]");
-  command->add_option("--loss", a->loss, "only shares of loss within MIN:MAX [0:0.5]");
-  command->add_option("--seed", a->seed, "same seed, same bits")->capture_default_str();
-  command->add_option("--shard", a->shard,
-                      "I/N: only each N-th run, from the I-th on (0 to N-1); see --merge");
-  command->add_flag("--wait", a->wait,
-                    "if another process is writing this shard, wait until it is done or dead");
-  command->add_option("--threads", a->threads, "[one a core]")->check(CLI::Range(1u, 256u));
-  command->add_option("--scene-folder", a->scene_folder, "where the scenes' files are")
+  command->add_option("--rtt-ms", a->rtt_ms, "only round trips from MIN:MAX, ms [0:1000]");
+  command->add_option("--loss", a->loss, "only loss fractions from MIN:MAX [0:0.5]");
+  command->add_option("--seed", a->seed, "random seed; the same seed gives the same bits")
       ->capture_default_str();
-  command->add_flag("--no-report", a->no_report, "the table only");
+  command->add_option("--shard", a->shard,
+                      "I/N: run only every N-th run, starting with number I (0 to N-1); see --merge");
+  command->add_flag("--wait", a->wait, "if another process is writing this shard, wait until it has ended");
+  command->add_option("--threads", a->threads, "number of threads [one per core]")
+      ->check(CLI::Range(1u, 256u));
+  command->add_option("--scene-folder", a->scene_folder, "folder with the scene files")
+      ->capture_default_str();
+  command->add_flag("--no-report", a->no_report, "write only the table");
   command->callback([a, &exit_code] { exit_code = run_stress(*a); });
 }
 

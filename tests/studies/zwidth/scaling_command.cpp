@@ -73,8 +73,7 @@ void run(const Arguments& a) {
 void add_scaling_command(CLI::App& app) {
   auto a = std::make_shared<Arguments>();
   CLI::App* command = app.add_subcommand(
-      "scaling",
-      "Region of the force scaling factor (Kim & Sitti, fig. 12): as published, and exact, as CSV");
+      "scaling", "Allowed region of the force scale (Kim & Sitti, fig. 12), as published and exact, as CSV");
   command->add_option("--damping", a->plant.device_damping_n_s_m, "b of the device, N s/m")
       ->capture_default_str();
   command->add_option("--period-s", a->plant.period_s, "Sample period T, s")->capture_default_str();
@@ -87,25 +86,25 @@ void add_scaling_command(CLI::App& app) {
       ->add_option("--adaptive-damping", a->plant.adaptive_damping_n_s_m,
                    "gamma of the passivity controller, N s/m at the hand")
       ->capture_default_str();
-  command->add_option("--velocity-scale", a->velocity_scale, "alpha_v, separated by commas; one row each")
+  command
+      ->add_option("--velocity-scale", a->velocity_scale,
+                   "Velocity scales alpha_v, separated by commas; one row each")
       ->capture_default_str();
-  command->add_option("--force-limit-n", a->force_limit_n, "Largest force of the device")
+  command->add_option("--force-limit-n", a->force_limit_n, "Largest force of the haptic device")
       ->capture_default_str();
-  command->add_option("--safety", a->safety, "epsilon, the part of it that may be asked for")
+  command->add_option("--safety", a->safety, "Safety factor epsilon: the usable fraction of --force-limit-n")
       ->capture_default_str();
   command->add_option("--nve-force-nn", a->nve_force_nn, "Largest force at the tip")->capture_default_str();
-  command->add_option("--mass", a->mass_kg, "m of the device, kg; drops out of every bound")
+  command->add_option("--mass", a->mass_kg, "m of the device, kg; does not enter any bound")
       ->capture_default_str();
   command->add_option("--delay-samples", a->plant.delay_samples, "d of the whole loop, samples")
       ->capture_default_str();
   command->add_option("--plot", a->plot,
-                      "FILE.svg: also draw the region with simulated instability points, by gnuplot");
+                      "FILE.svg: also plot the region with simulated instability points, with gnuplot");
   command->footer(
-      "force_scale_* is the largest alpha_F at that alpha_v: llewellyn as published, sampled the exact bound "
-      "for\n"
-      "any discrete-passive environment behind the coupling (with delay), device = safety x force limit / "
-      "NVE force;\n"
-      "recommended is the lesser of the last two, binding which of them it is.");
+      "force_scale_* is the largest alpha_F at that alpha_v. llewellyn: as published. sampled: the exact "
+      "bound for any\ndiscrete-passive environment behind the coupling, with delay. device: safety x force "
+      "limit / NVE force.\nrecommended: the smaller of sampled and device; binding: which of the two it is.");
   command->callback([a] { run(*a); });
 }
 

@@ -37,39 +37,42 @@ void add_zwidth_command(CLI::App& app) {
   auto arguments = std::make_shared<Arguments>();
   ZWidthOptions& options = arguments->options;
   CLI::App* command = app.add_subcommand(
-      "zwidth", "Stiffest virtual wall of a haptic display (Colgate & Brown): theory and simulation, as CSV");
+      "zwidth",
+      "Stiffest passive virtual wall of a haptic display (Colgate & Brown): theory and simulation, as CSV");
   command->add_option("--damping", options.display.damping_n_s_m, "b of the device, N s/m")
       ->capture_default_str();
   command->add_option("--period-s", options.display.period_s, "Sample period T, s")->capture_default_str();
   command->add_option("--mass", options.display.mass_kg, "m of the device, kg")->capture_default_str();
   command->add_option("--virtual-damping", arguments->virtual_damping,
-                      "Virtual dampings B of the wall, N s/m, separated by commas; one row each [0]");
-  command->add_option("--filter-hz", options.filter_hz, "First-order filter on the wall's velocity; 0: none")
+                      "Virtual damping values B of the wall, N s/m, separated by commas; one row each [0]");
+  command
+      ->add_option("--filter-hz", options.filter_hz,
+                   "Cut-off of a first-order filter on the wall's velocity; 0: no filter")
       ->capture_default_str();
-  command->add_option("--delay-samples", options.delay_samples, "Delay of the wall's force")
+  command->add_option("--delay-samples", options.delay_samples, "Delay of the wall's force, samples")
       ->capture_default_str();
   command
       ->add_option("--encoder-counts-per-m", options.encoder_counts_per_m,
-                   "Resolution of the position, for the simulation; 0: not quantised")
+                   "Encoder resolution in the simulation; 0: not quantised")
       ->capture_default_str();
-  command->add_option("--coulomb-n", options.coulomb_friction_n, "Dry friction, for the simulation")
+  command->add_option("--coulomb-n", options.coulomb_friction_n, "Coulomb friction in the simulation, N")
       ->capture_default_str();
   command
       ->add_option("--outside-damping", options.outside_damping_n_s_m,
-                   "Virtual damping outside the wall, for the simulation; negative eats the device's own")
+                   "Virtual damping outside the wall in the simulation, N s/m; negative values reduce the "
+                   "device's own damping")
       ->capture_default_str();
   command->add_flag("--paper", arguments->paper,
-                    "The sixteen configurations of the paper instead, into --out; goes on where it stopped");
-  command->add_option("--out", arguments->out, "Folder for --paper")->capture_default_str();
-  command->add_option("--plot", arguments->plot, "FILE.svg: also draw the rows, by gnuplot");
+                    "Compute the sixteen configurations of the paper instead and write them to --out; "
+                    "continues an interrupted run");
+  command->add_option("--out", arguments->out, "Output folder for --paper")->capture_default_str();
+  command->add_option("--plot", arguments->plot, "FILE.svg: also plot the rows with gnuplot");
   command->footer(
-      "Columns, N/m: k_passive CB's theorem evaluated; k_passive_closed its closed form; k_coupled least K "
-      "at which\n"
-      "the free device or a heavy hand with a resonance in (0, 2.5/T] loses stability; k_free the free "
-      "device;\n"
-      "k_simulated a one-sided wall with hands that lean on it (unstable: more than 0.5 mm and 4 encoder "
-      "steps peak\n"
-      "to peak in the last second). nan: nothing is stable, or no closed form.");
+      "Columns, N/m: k_passive: the theorem of Colgate and Brown, evaluated; k_passive_closed: its closed "
+      "form; k_coupled:\nsmallest K at which the free device, or a heavy hand with a resonance in (0, "
+      "2.5/T], becomes unstable; k_free: the\nfree device alone; k_simulated: simulated one-sided wall with "
+      "hands leaning on it (unstable: more than 0.5 mm and\n4 encoder steps peak to peak in the last "
+      "second). nan: no K is stable, or there is no closed form.");
   command->callback([arguments, command] {
     if (command->count("--virtual-damping") > 0) {
       arguments->options.virtual_damping_n_s_m =

@@ -40,24 +40,24 @@ TEST(PortList, WhatIsNoneIsOneLineThatSaysWhatIsExpected) {
     const char* text;
     const char* why;
   } cases[] = {
-      {"", "'' is no port"},
+      {"", "'' is not a port"},
       {"6501-6503", "these are 3 ports"},
       {"6501-6503,6514,6515", "these are 5 ports"},
       {"6501-6505", "these are 5 ports"},
       {"0-65535", "these are 65536 ports"},
       {"6504-6501", "the range is empty"},
       {"6501-6503,6502", "port 6502 has two roles"},
-      {"6501-6503,", "'' is no port"},
-      {",6501-6503", "'' is no port"},
-      {"6501-6503,,6514", "'' is no port"},
-      {"6501-", "'' is no port"},
-      {"6501-6502-6504", "'6502-6504' is no port"},
-      {"6501-6503, 6514", "' 6514' is no port"},
-      {"6501-6503;6514", "'6503;6514' is no port"},
-      {"6501-6503,65536", "'65536' is no port"},
-      {"6501-6503,-6514", "'' is no port"},
-      {"6501-6503,+6514", "'+6514' is no port"},
-      {"6501-6503,99999999999999999999", "'99999999999999999999' is no port"},
+      {"6501-6503,", "'' is not a port"},
+      {",6501-6503", "'' is not a port"},
+      {"6501-6503,,6514", "'' is not a port"},
+      {"6501-", "'' is not a port"},
+      {"6501-6502-6504", "'6502-6504' is not a port"},
+      {"6501-6503, 6514", "' 6514' is not a port"},
+      {"6501-6503;6514", "'6503;6514' is not a port"},
+      {"6501-6503,65536", "'65536' is not a port"},
+      {"6501-6503,-6514", "'' is not a port"},
+      {"6501-6503,+6514", "'+6514' is not a port"},
+      {"6501-6503,99999999999999999999", "'99999999999999999999' is not a port"},
   };
   for (const auto& c : cases) {
     try {

@@ -155,12 +155,12 @@ TEST(GwyFile, DepthCostsNoStack) {
 }
 
 TEST(GwyFile, EveryMistakeIsNamed) {
-  EXPECT_EQ(read_gwy("GWYO and more").error, "is no Gwyddion file: expected GWYP at its beginning");
-  EXPECT_EQ(read_gwy("").error, "is no Gwyddion file: expected GWYP at its beginning");
+  EXPECT_EQ(read_gwy("GWYO and more").error, "is not a Gwyddion file: expected GWYP at its beginning");
+  EXPECT_EQ(read_gwy("").error, "is not a Gwyddion file: expected GWYP at its beginning");
   EXPECT_EQ(read_gwy("GWYP" + gwy::object("GwyBrick", "")).error,
             "is damaged: expected a GwyContainer after GWYP");
   EXPECT_EQ(read_gwy(gwy::file(gwy::component("/0/x", '?', ""))).error,
-            "is damaged: in its container the component '/0/x' has no type that the format knows");
+            "is damaged: in its container the component '/0/x' has a type that the format does not know");
   gwy::Field wrong = small();
   wrong.columns = 4;
   EXPECT_EQ(read_gwy(gwy::file(gwy::channel(0, "", wrong))).error,

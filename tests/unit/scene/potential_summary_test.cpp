@@ -158,7 +158,7 @@ TEST(PotentialDefault, AForceFromBeforeIsTakenOrRefusedInWords) {
     } catch (const UserError& error) {
       const std::string said = error.what();
       EXPECT_NE(said.find(word), std::string::npos) << said;
-      EXPECT_NE(said.find("leave it out"), std::string::npos) << said;
+      EXPECT_NE(said.find("omit it"), std::string::npos) << said;
       EXPECT_EQ(said.find('\n'), std::string::npos) << said;
     }
   };

@@ -191,7 +191,7 @@ TEST(SceneBundle, KeepsWithinItsLimits) {
 
 TEST(SceneBundle, HasAScanIfAndOnlyIfItsSurfaceAsksForOne) {
   const std::string rest = entry("scene.toml", kFlatText) + entry("values", values_of(kFlat));
-  EXPECT_NE(refusal(head(3) + entry("scan.gsf", "Gwyddion") + rest).find("does not ask"), std::string::npos);
+  EXPECT_NE(refusal(head(3) + entry("scan.gsf", "Gwyddion") + rest).find("does not use"), std::string::npos);
   Values scan = kFlat;
   scan.back() = text("surface.file", "scan.gsf");
   scan.push_back(text("surface.kind", "scan"));

@@ -155,7 +155,7 @@ TEST_F(SceneFile, AHamakerConstantOfItsOwnHoldsWhateverWIs) {
   const std::pair<const char*, const char*> wrong[] = {
       {"equilibrium_distance_nm = 0.2\nhamaker_aj = 0.1", "give one of them"},
       {"hamaker_aj = 100.0", "equilibrium distance of"},
-      {"hamaker_aj = 0.1\n[forces]\nvan_der_waals = false", "leaves out"},
+      {"hamaker_aj = 0.1\n[forces]\nvan_der_waals = false", "switches off"},
       {"hamaker_aj = -1.0", "hamaker_aj"}};
   for (const auto& [text, said] : wrong) {
     try {
@@ -260,9 +260,9 @@ TEST_F(SceneFile, EveryMistakeInATermIsOneLine) {
   EXPECT_NE(with("[contact]\nlaw = \"hertz\"").find("law = \"hertz\" has no adhesion"), std::string::npos);
   EXPECT_NE(with("[contact]\nlaw = \"jkr\"\nmethod = \"table\"").find("only maugis-dugdale has a table"),
             std::string::npos);
-  EXPECT_NE(with("[contact]\nlaw = \"jkr\"\n[forces]\nretardation_nm = 100.0").find("go with law"),
+  EXPECT_NE(with("[contact]\nlaw = \"jkr\"\n[forces]\nretardation_nm = 100.0").find("need law"),
             std::string::npos);
-  EXPECT_NE(with("[forces]\nvan_der_waals = false\nretardation_nm = 100.0").find("leaves out"),
+  EXPECT_NE(with("[forces]\nvan_der_waals = false\nretardation_nm = 100.0").find("switches off"),
             std::string::npos);
   EXPECT_NE(with("[forces]\ncone_half_angle_deg = 15.0").find("'cone_height_nm' in [forces]: missing"),
             std::string::npos);

@@ -16,7 +16,7 @@ TEST(Calibration, APushIsItsAxisWithItsSign) {
 }
 
 TEST(Calibration, WhatCannotBeToldIsSaid) {
-  EXPECT_THAT(judge_push(Vec3(0.019, 0, 0), 0.02).problem, HasSubstr("19.0 mm only"));
+  EXPECT_THAT(judge_push(Vec3(0.019, 0, 0), 0.02).problem, HasSubstr("only 19.0 mm"));
   EXPECT_THAT(judge_push(Vec3(0.03, 0.016, 0), 0.02).problem, HasSubstr("30 mm along x and 16 mm along y"));
   EXPECT_THAT(judge_push(Vec3(0.03, 0.0 / 0.0, 0), 0.02).problem, HasSubstr("no position"));
 }

@@ -189,7 +189,7 @@ TEST_F(Keeper, RefusesOtherBytesThanWereNamed) {
   begin(options());
   offer(offer_of(bundle, 1));
   serve(other);
-  expect_refused("another hash");
+  expect_refused("the announced hash");
 }
 
 TEST_F(Keeper, RefusesWhatIsTooLargeBeforeItAsks) {
@@ -365,7 +365,7 @@ TEST_F(Keeper, RefusesATextThatSaysOtherThanTheNumbers) {
   begin(options());
   offer(offer_of(bundle, 1));
   serve(bundle);
-  expect_refused("its text says other than its numbers");
+  expect_refused("its text and its numbers differ");
 }
 
 }  // namespace

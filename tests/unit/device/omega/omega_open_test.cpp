@@ -71,11 +71,11 @@ TEST(OmegaOpen, NoRights) {
   StandinSdk sdk;
   sdk->devices = 0;
   EXPECT_THAT(refusal<RunError>({}, standin_search(), usb.roots()),
-              AllOf(HasSubstr("no right to open " + usb.node(5)), HasSubstr("udev"),
+              AllOf(HasSubstr("no permission to open " + usb.node(5)), HasSubstr("udev"),
                     HasSubstr("plug the device in again")));
   sdk->devices = 1;  // some versions of the SDK count it all the same
   sdk->result_of(DrdCall::kOpen) = -1;
-  EXPECT_THAT(refusal<RunError>({}, standin_search(), usb.roots()), HasSubstr("no right to open"));
+  EXPECT_THAT(refusal<RunError>({}, standin_search(), usb.roots()), HasSubstr("no permission to open"));
 }
 
 TEST(OmegaOpen, Busy) {
