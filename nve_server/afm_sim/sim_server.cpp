@@ -50,9 +50,15 @@ void SimServer::apply(const Fault& fault) {
   }
 }
 
+/// No client, the tip up, and no file to look at: only `stop` and whoever connects can end that, and who connects
+/// wakes it.
+bool SimServer::nobody_and_nothing() const noexcept {
+  return options_.control_file.empty() && controller_.withdrawn() &&
+         std::none_of(ports_.begin(), ports_.end(), [](const Port& port) { return port.stream.open(); });
+}
+
 void SimServer::look_at_control_file() {
-  constexpr std::int64_t kPeriodNs = 20'000'000;
-  if (options_.control_file.empty() || now_ns() < control_looked_ns_ + kPeriodNs) return;
+  if (options_.control_file.empty() || now_ns() < control_looked_ns_ + kLookNs) return;
   control_looked_ns_ = now_ns();
   struct stat info {};
   if (::stat(options_.control_file.c_str(), &info) != 0) return;
@@ -199,7 +205,7 @@ void SimServer::run(const std::atomic<bool>& stop) {
       continue;
     }
     // Who asks wakes it; what the tip does meanwhile is made up for then.
-    std::int64_t next_ns = now + 20'000'000;
+    std::int64_t next_ns = now + (nobody_and_nothing() ? kRestNs : kLookNs);
     if (next_fault_ < options_.faults.size()) next_ns = std::min(next_ns, options_.faults[next_fault_].at_ns);
     for (std::size_t i = 0; i < ports_.size(); ++i) {
       accept(ports_[i]);

@@ -51,6 +51,9 @@ class SimServer {
   };
 
   std::int64_t now_ns() const noexcept { return clock_.now_ns() - begin_ns_; }
+  static constexpr std::int64_t kLookNs = 20'000'000;
+  static constexpr std::int64_t kRestNs = 500'000'000;  ///< also the longest that `stop` may wait
+  bool nobody_and_nothing() const noexcept;
   void apply(const Fault& fault);
   void look_at_control_file();
   void look_at_tip();

@@ -8,6 +8,8 @@
 namespace telenano::app {
 namespace {
 
+constexpr std::int64_t kRestNs = 200'000'000;  // what a drain may be noticed later by
+
 std::string sessions_text(std::uint64_t sessions) {
   return std::to_string(sessions) + (sessions == 1 ? " session" : " sessions");
 }
@@ -41,7 +43,11 @@ void DrainWatcher::run() {
   DrainRule rule(most_ns);
   bool told = false;
   std::unique_lock lock(mutex_);
-  while (!wake_.wait_for(lock, std::chrono::nanoseconds(DrainRule::kLookNs), [this] { return done_; })) {
+  // A signal handler cannot wake it: so it looks, seldom until there is something to watch.
+  const auto until_next = [&] {
+    return std::chrono::nanoseconds(config_.drain->load(kRelaxed) ? DrainRule::kLookNs : kRestNs);
+  };
+  while (!wake_.wait_for(lock, until_next(), [this] { return done_; })) {
     if (!config_.drain->load(kRelaxed) || config_.stop->load(kRelaxed)) continue;
     bool all_drain = true;
     std::uint64_t occupied = 0;

@@ -81,7 +81,8 @@ std::string cells_csv(const std::vector<CellResult>& results) {
       "lag_ms,nrmse_at_lag,snap_in_true_n,snap_in_error,pull_off_true_n,pull_off_error,false_releases,work_"
       "true_mj,"
       "work_felt_mj,snap_in_peak_n,pull_off_peak_n,true_rms_n,true_lateral_rms_n,clamped_share,"
-      "stopped_s,unexecuted,effective_delay_ms,effective_nrmse,weber_sent_share,weber_nrmse\n";
+      "stopped_s,unexecuted,effective_delay_ms,effective_nrmse,weber_sent_share,weber_nrmse,"
+      "effective_delay_derivative,time_offset_ms,value_gain,value_offset_n\n";
   const auto number = [](double value) {
     return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string();
   };
@@ -98,7 +99,9 @@ std::string cells_csv(const std::vector<CellResult>& results) {
       csv.append(1, ',').append(number(value));
     csv += fmt::format(",{:.3g},{:g},{}", r.run.clamped_share, r.run.stopped_s, r.run.unexecuted);
     const HapticMetrics& h = r.haptic;
-    for (const double value : {h.effective_delay_ms, h.effective_nrmse, h.weber_sent_share, h.weber_nrmse})
+    for (const double value :
+         {h.effective_delay_ms, h.effective_nrmse, h.weber_sent_share, h.weber_nrmse,
+          h.effective_delay_derivative, h.time_offset_ms, h.value_gain, h.value_offset_n})
       csv.append(1, ',').append(number(value));
     csv += '\n';
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "telenano/common/control/scaling_plan.h"
@@ -234,6 +235,61 @@ Figure worst_figure(const std::vector<CellResult>& results, const FigureFolder& 
   return figure;
 }
 
+/// Medians over all motions of what haptic communication measures, a row for each method, round trip and loss.
+std::string haptic_table(const std::vector<CellResult>& results) {
+  const auto median = [](std::vector<double> values) {
+    std::erase_if(values, [](double value) { return !std::isfinite(value); });
+    if (values.empty()) return FeltMetrics::kNone;
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  constexpr auto kColumns = std::to_array<double (*)(const CellResult&)>({
+      [](const CellResult& r) { return r.metrics.nrmse; },
+      [](const CellResult& r) { return r.metrics.lag_ms; },
+      [](const CellResult& r) { return r.haptic.effective_delay_ms; },
+      [](const CellResult& r) { return r.haptic.effective_delay_derivative; },
+      [](const CellResult& r) { return r.haptic.effective_nrmse; },
+      [](const CellResult& r) { return r.haptic.time_offset_ms; },
+      [](const CellResult& r) { return r.haptic.value_gain; },
+      [](const CellResult& r) { return r.haptic.value_offset_n; },
+      [](const CellResult& r) { return 100 * r.haptic.weber_sent_share; },
+      [](const CellResult& r) { return r.haptic.weber_nrmse; },
+  });
+  std::string body;
+  for (const double loss : distinct<double>(results, [](const CellResult& r) { return r.cell.loss; })) {
+    for (const Method m : distinct<Method>(results, [](const CellResult& r) { return r.cell.method; })) {
+      for (const double rtt : distinct<double>(results, [](const CellResult& r) { return r.cell.rtt_ms; })) {
+        body += fmt::format("<tr><th>{}</th><td>{:g}</td><td>{:g}</td>", control::method_name(m), rtt,
+                            100 * loss);
+        for (const auto column : kColumns) {
+          std::vector<double> values;
+          for (const CellResult& r : results) {
+            if (r.cell.method == m && r.cell.rtt_ms == rtt && r.cell.loss == loss)
+              values.push_back(column(r));
+          }
+          const double value = median(values);
+          body += std::isfinite(value) ? fmt::format("<td>{:.3g}</td>", value) : "<td>–</td>";
+        }
+        body += "</tr>\n";
+      }
+    }
+  }
+  return "<h2>As haptic communication measures it</h2>\n<p>Medians over all motions. Effective delay, its "
+         "change "
+         "and the effective NRMSE: each felt tick beside the true one that it shows, by time warping, in the "
+         "manner "
+         "of ETVO. Time offset, gain and value offset: one alignment of the whole motion. Packets: the part "
+         "of the "
+         "samples of the true force that a perceptual deadband of 10 % sends, and what holding the last one "
+         "costs.</p>\n<div class=\"scroll\"><table>\n<thead><tr><th>method</th><th>round trip, ms</th>"
+         "<th>loss, %</th><th>NRMSE</th><th>lag, ms</th><th>effective delay, ms</th><th>its change a "
+         "tick</th>"
+         "<th>effective NRMSE</th><th>time offset, ms</th><th>gain</th><th>value offset, N</th>"
+         "<th>packets, %</th><th>NRMSE of the deadband</th></tr></thead>\n<tbody>\n" +
+         body + "</tbody></table></div>\n";
+}
+
 std::string worst_cells(const std::vector<CellResult>& results) {
   std::string body;
   for (const Method m : distinct<Method>(results, [](const CellResult& r) { return r.cell.method; })) {
@@ -354,6 +410,7 @@ std::string fidelity_sections(const std::vector<CellResult>& results,
     html += "<h2>Where it is felt as it is</h2>\n" + heat_key();
     for (const double loss : distinct<double>(results, [](const CellResult& r) { return r.cell.loss; }))
       html += heat_maps(results, loss);
+    html += haptic_table(results);
     html += worst_cells(results);
   }
   return html + sensitivity_section(sensitivity);

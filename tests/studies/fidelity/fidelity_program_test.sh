@@ -27,6 +27,11 @@ cmp one.csv one/fidelity.csv || fail "the file is not what was printed"
 awk -F, '$2 == "indent_fast" && $5 == 1 { plain = $7 < 0.05 } $2 == "indent_fast" && $5 == 5 { felt = $7 > 0.05 && $8 < 0.05 } END { exit !(plain && felt) }' one/companding.csv ||
   fail "companding: $(cat one/companding.csv)"
 grep -q "With companding" one/index.html || fail "no table of companding"
+grep -q "As haptic communication measures it" one/index.html || fail "no table of haptic communication"
+# Over 200 ms, the newest answer is 200 ms late, and nothing else is wrong with it.
+awk -F, 'NR == 1 { for (i = 1; i <= NF; ++i) at[$i] = i; next }
+  $3 == "none" && $4 == 200 && $2 == "indent_fast" { found = 1; good = $at["time_offset_ms"] == 200 && $at["value_gain"] > 0.99 && $at["value_gain"] < 1.01 && $at["value_offset_n"] < 0.01 }
+  END { exit !(found && good) }' one.csv || fail "time and value of none over 200 ms: $(grep none,200 one.csv)"
 grep -q "cells" progress.txt || fail "no progress"
 grep -q "<table" one/index.html || fail "no heat map"
 ! grep -qE 'src="http|href="http' one/index.html || fail "the page needs other files"

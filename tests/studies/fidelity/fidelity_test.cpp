@@ -127,6 +127,82 @@ TEST(HapticMetrics, TheAlignmentIsTheCheapestThereIs) {
   }
 }
 
+/// Swings of two axes that do not repeat within the trace, told wrong by a gain, an offset, a delay and noise.
+TouchTrace told_wrong(std::size_t late, double gain, const Vec3& offset_n, double noise_n = 0) {
+  const auto force = [](double t) {
+    return Vec3(0.3 * std::sin(1.7 * t), 0.0, -0.6 - 0.4 * std::sin(3.1 * t) - 0.2 * std::sin(7.7 * t + 1));
+  };
+  Random random(11);
+  TouchTrace trace;
+  for (std::size_t k = 0; k < 3000; ++k) {
+    TouchTrace::Row row;
+    row.true_h_n = force(1e-3 * static_cast<double>(k));
+    row.felt_h_n = gain * force(1e-3 * (static_cast<double>(k) - static_cast<double>(late))) + offset_n;
+    for (int axis = 0; axis < 3; ++axis) row.felt_h_n[axis] += noise_n * random.normal();
+    row.touches = true;
+    trace.rows.push_back(row);
+  }
+  return trace;
+}
+
+TEST(HapticMetrics, TimeGainAndValueOffsetAreFoundAsTheyWereMade) {
+  struct Case {
+    std::size_t late;
+    double gain;
+    Vec3 offset_n;
+  };
+  const Case cases[] = {{0, 1, Vec3::Zero()},
+                        {35, 1, Vec3::Zero()},
+                        {0, 0.5, Vec3::Zero()},
+                        {0, 1, Vec3(0.05, 0, 0.12)},
+                        {70, 1.3, Vec3(-0.1, 0.02, 0.2)},
+                        {1, 0.9, Vec3(0, 0, -0.3)}};
+  for (const Case& c : cases) {
+    for (const double noise_n : {0.0, 0.05}) {
+      SCOPED_TRACE(::testing::Message() << c.late << " ticks, gain " << c.gain << ", noise " << noise_n);
+      const Alignment a = align(told_wrong(c.late, c.gain, c.offset_n, noise_n).rows, 200);
+      ASSERT_TRUE(a.found);
+      // Noise of 0.05 N over 3000 ticks beside a slope of some N/s: a tick or two, and 0.05/√3000 N by each of the rest.
+      EXPECT_NEAR(static_cast<double>(a.ticks), static_cast<double>(c.late), noise_n > 0 ? 2 : 0);
+      EXPECT_NEAR(a.gain, c.gain, noise_n > 0 ? 0.01 : 1e-9);
+      EXPECT_LT((a.offset_n - c.offset_n).norm(), noise_n > 0 ? 0.01 : 1e-9);
+      EXPECT_NEAR(a.left_n, std::sqrt(3.0) * noise_n, 0.03 * noise_n + 1e-7);
+    }
+  }
+  const HapticMetrics m = measure_haptic(told_wrong(70, 1.3, Vec3(-0.1, 0.02, 0.2)), 0.2);
+  EXPECT_NEAR(m.time_offset_ms, 70, 1e-9);
+  EXPECT_NEAR(m.value_gain, 1.3, 1e-9);
+  EXPECT_NEAR(m.value_offset_n, std::sqrt(0.0504), 1e-9);
+}
+
+// A press that never changes has no gain and no delay: what is wrong is value.
+TEST(HapticMetrics, OfAForceThatStandsStillOnlyTheValueIsWrong) {
+  TouchTrace trace;
+  for (int k = 0; k < 500; ++k) {
+    TouchTrace::Row row;
+    row.true_h_n.z() = -0.8;
+    row.felt_h_n.z() = -0.5;
+    row.touches = true;
+    trace.rows.push_back(row);
+  }
+  const Alignment a = align(trace.rows, 100);
+  EXPECT_EQ(a.ticks, 0u);
+  EXPECT_EQ(a.gain, 1);
+  EXPECT_NEAR(a.offset_n.z(), 0.3, 1e-12);
+  EXPECT_FALSE(align({}, 100).found);
+}
+
+// Noise that a hand does not notice must not become time: the delay's changes cost as much as two such forces.
+TEST(HapticMetrics, NoiseDoesNotBecomeDelay) {
+  const HapticMetrics m = measure_haptic(told_wrong(40, 1, Vec3::Zero(), 0.4 * kJudgedN), 0.2);
+  EXPECT_NEAR(m.effective_delay_ms, 40, 1.5);
+  EXPECT_LT(m.effective_delay_derivative, 0.1);
+  // A delay that falls by 40 ticks once, and is reached once.
+  TouchTrace trace = told_wrong(0, 1, Vec3::Zero());
+  for (std::size_t i = 1500; i < trace.rows.size(); ++i) trace.rows[i].felt_h_n = trace.rows[i - 30].true_h_n;
+  EXPECT_NEAR(measure_haptic(trace, 0.2).effective_delay_derivative * 3000, 30, 3);
+}
+
 // From 1 N down to e⁻² N in steps of 0.01 %: one sample each time that a tenth is lost, 2/ln(1/0.9) = 18.98.
 TEST(HapticMetrics, ADeadbandOfWeberSendsTheLogarithm) {
   TouchTrace trace;
