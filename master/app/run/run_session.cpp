@@ -39,6 +39,7 @@
 #include "telenano/master/app/run/run_recorder.h"
 #include "telenano/master/app/run/run_text.h"
 #include "telenano/master/app/run/scene_wait.h"
+#include "telenano/master/app/run/server_scene.h"
 #include "telenano/master/app/run/session_file.h"
 #include "telenano/master/app/run/twin_cost.h"
 #include "telenano/master/app/station_file.h"
@@ -470,6 +471,12 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const net::Address server = servers.address();
   farewell.emplace(*opened_session, way.datagram(), server);
   const bool resumed = opened_session->resumed_unknown_account();
+  const std::vector<SceneChoice> scenes = list_scenes(*opened_session, way, server, scene.pipe(), stop);
+  if (!scenes.empty() && !options.quiet)
+    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
+               names_of(scenes));
+  if (!options.server_scene.empty())
+    choose_scene(*opened_session, way, server, scene.pipe(), options.server_scene, scenes, stop);
   const LinkDelay link =
       measure_link(*opened_session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
