@@ -34,6 +34,10 @@ class ServerScenes(RealPrograms):
         first, _ = self.scene_of(done)
         names = re.search(r"this server has 2 scenes: (.*) \(--server-scene NAME\)", done.stderr)[1].split(", ")
         self.assertEqual(names[0], first)
+        plan = self.run_program(MASTER, "plan", "--server", server.address, "--server-scene", names[1], "--felt")
+        self.assertEqual(plan.returncode, 0, plan.stderr)
+        self.assertIn(f"scene_1,{names[0]},\nscene_2,{names[1]},\n", plan.stdout)
+        self.assertIn(f"\nscene,{names[1]},\n", plan.stdout)
         # The second one is felt as it is there: with a twin of its own, where it is soft.
         done = self.station(server, "--server-scene", names[1], "--method", "twin", "--record", "second.h5")
         self.assertEqual(self.scene_of(done), (names[1], "twin"))
@@ -44,8 +48,8 @@ class ServerScenes(RealPrograms):
         self.assertEqual(self.scene_of(self.station(server, "--server-scene", names[0]))[0], first)
         server.signal(15)
         self.assertEqual(server.end(), 0)
-        self.assertIn("1 times a session went to another scene", server.text())
-        self.assertEqual((self.folder / "audit.jsonl").read_text().count('"scene switched"'), 1)
+        self.assertIn("2 times a session went to another scene", server.text())
+        self.assertEqual((self.folder / "audit.jsonl").read_text().count('"scene switched"'), 2)
 
     def refused(self, done, pattern, code):
         self.assertEqual(done.returncode, code, done.stderr)

@@ -23,6 +23,11 @@ CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
                    "The server's public key, as telenano-nve keys identity prints it")
       ->type_name("sha256:HEX")
       ->needs(server);
+  command
+      ->add_option("--server-scene", flags.server_scene,
+                   "Of a server with several scenes, the one of this name (default: its first)")
+      ->type_name("NAME")
+      ->needs(server);
   command->add_option("--device", flags.device, "Hand to begin with (default sim)")
       ->type_name("{sim,omega,hid,mouse}");
   command
