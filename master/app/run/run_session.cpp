@@ -344,6 +344,12 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
   return twins;
 }
 
+std::vector<std::string> scene_names(const std::vector<SceneChoice>& scenes) {
+  std::vector<std::string> names;
+  for (const SceneChoice& scene : scenes) names.push_back(scene.name);
+  return names;
+}
+
 /// One line of what takes the twin's place, and why.
 void tell_no_twin(const std::string& why, bool wanted) {
   fmt::print(stderr, "note: no twin, {}: {}\n",
@@ -601,8 +607,8 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     live.follow_scaling({input, config.scaling.force});
   }
   if (view_model::ViewRequestHandler* const requests =
-          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
-                      options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
+          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, scene_names(scenes),
+                      options.server, options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
                       newest_ground(scene, station), options.practice}))
     live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
@@ -695,7 +701,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
           view.run(live, !thread.report().fifo,
                    {look, session_end, [&stop] { return stop.load(); },
                     [&recorder]() -> const recording::Recorder* { return recorder.get(); }, begin_recording});
-      if (view.again_wanted()) next->ask();
+      if (view.again_wanted()) next->ask(view.next_scene());
     }
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
