@@ -12,10 +12,11 @@ local telenano = Proto("telenano", "Telenano")
 local types = {
     [1] = "Hello", [2] = "Challenge", [3] = "Welcome", [4] = "Refuse", [5] = "Command", [6] = "Reply", [7] = "Bye",
     [8] = "SceneRequest", [9] = "SceneChunk", [10] = "SnapshotRequest", [11] = "SnapshotPiece",
+    [12] = "SceneListRequest", [13] = "SceneListEntry", [14] = "SceneSwitch",
 }
 local values = {
   RefuseReason = {
-    [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down",
+    [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down", [5] = "scene",
   },
   ByeReason = {
     [1] = "done", [2] = "idle", [3] = "shutting down", [4] = "stopped", [5] = "unknown session",
@@ -104,6 +105,16 @@ local messages = {
     { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" }, { 4, "step", "q" }, { 5, "state_hash", "x" },
     { 6, "breaks", "i" }, { 7, "total", "i" }, { 8, "data", "b" },
   },
+  [12] = {  -- SceneListRequest
+    { 1, "session_id", "x" }, { 2, "index", "i" },
+  },
+  [13] = {  -- SceneListEntry
+    { 1, "session_id", "x" }, { 2, "index", "i" }, { 3, "count", "i" }, { 4, "scene_hash", "x" },
+    { 5, "scene_name", "b" },
+  },
+  [14] = {  -- SceneSwitch
+    { 1, "session_id", "x" }, { 2, "nonce", "x" }, { 3, "scene_hash", "x" },
+  },
 }
 -- End of what is made.
 
@@ -178,6 +189,9 @@ local function add_fields(buffer, at, type, tree)
     end
     if type == 5 and number == 40 and (bytes == 0 or bytes % 64 ~= 0 or bytes > 256 or at + bytes ~= buffer:len()) then
       return "repeated commands are not 1 to 4 whole records at the end"
+    end
+    if type == 13 and wire == 2 and (bytes == 0 or bytes > 48 or at + bytes ~= buffer:len()) then
+      return "a name is not 1 to 48 bytes at the end"
     end
     if (type == 9 or type == 11) and wire == 2 and (bytes == 0 or bytes > 464 or at + bytes ~= buffer:len()) then
       return "data are not 1 to 464 bytes at the end"

@@ -43,11 +43,16 @@ void ClientSession::set_state(ClientState state, std::int64_t now_ns) noexcept {
   state_since_ns_ = now_ns;
 }
 
-void ClientSession::new_attempt(std::int64_t now_ns) noexcept {
+std::uint64_t ClientSession::next_nonce() noexcept {
   std::uint64_t mix = config_.nonce_seed + nonce_counter_++ * 0xd1342543de82ef95ull;
-  do {
-    nonce_ = Random::splitmix64(mix);
-  } while (nonce_ == 0);
+  for (;;) {
+    const std::uint64_t nonce = Random::splitmix64(mix);
+    if (nonce != 0) return nonce;
+  }
+}
+
+void ClientSession::new_attempt(std::int64_t now_ns) noexcept {
+  nonce_ = next_nonce();
   cookie_ = 0;
   hellos_sent_ = 0;
   attempt_start_ns_ = now_ns;
@@ -82,7 +87,7 @@ std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out
     case ClientState::kRefused:
       return 0;
     case ClientState::kEstablished:
-      if (!waits_ || now_ns - waits_since_ns_ <= silence_limit_ns()) return 0;
+      if (!waits_ || now_ns - waits_since_ns_ <= silence_limit_ns()) return poll_switch(now_ns, out);
       new_attempt(now_ns);
       set_state(ClientState::kLost, now_ns);
       break;
@@ -104,6 +109,24 @@ std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out
   next_hello_ns_ = now_ns + backoff_ns_;
   backoff_ns_ = std::min(2 * backoff_ns_, config_.hello_last_ns);
   return codec_.encode(hello, out);
+}
+
+bool ClientSession::switch_scene(std::uint64_t scene_hash, std::int64_t now_ns) noexcept {
+  if (!session_alive_ || (features() & kFeatureSceneSwitch) == 0 || scene_hash == 0) return false;
+  switching_ = SceneSwitching::kAsked;
+  switch_nonce_ = next_nonce();
+  switch_hash_ = scene_hash;
+  switch_start_ns_ = next_switch_ns_ = now_ns;
+  switch_backoff_ns_ = config_.hello_first_ns;
+  return true;
+}
+
+/// As a Hello: again and again, slower. While the server is silent its Hello goes first.
+std::size_t ClientSession::poll_switch(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  if (switch_nonce_ == 0 || !session_alive_ || now_ns < next_switch_ns_) return 0;
+  next_switch_ns_ = now_ns + std::max(switch_backoff_ns_, silence_limit_ns() / 2);
+  switch_backoff_ns_ = std::min(2 * switch_backoff_ns_, config_.hello_last_ns);
+  return codec_.encode(SceneSwitch{welcome_.session_id, switch_nonce_, switch_hash_}, out);
 }
 
 /// How long the server may take to say that it has executed something: a round trip, the time between two
@@ -141,8 +164,12 @@ ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std:
       return ClientEvent::kPiece;
     case MessageType::kSceneChunk:
       return on_scene_chunk(incoming_.scene_chunk);
+    case MessageType::kSceneListEntry:
+      return on_scene_entry(incoming_.scene_list_entry);
     case MessageType::kHello:
     case MessageType::kCommand:
+    case MessageType::kSceneListRequest:
+    case MessageType::kSceneSwitch:
     case MessageType::kSceneRequest:
     case MessageType::kSnapshotRequest:
     case MessageType::kNone:
@@ -169,11 +196,15 @@ ClientEvent ClientSession::on_challenge(const Challenge& challenge, std::int64_t
 
 ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_ns) noexcept {
   if (sessions_ > 0 && welcome.session_id == welcome_.session_id) return drop(DropCause::kDuplicate);
-  if (nonce_ == 0 || state_ == ClientState::kIdle || state_ == ClientState::kClosed ||
+  const bool switches = switch_nonce_ != 0;
+  const bool switched = switches && welcome.nonce == switch_nonce_;
+  if ((nonce_ == 0 && !switches) || state_ == ClientState::kIdle || state_ == ClientState::kClosed ||
       state_ == ClientState::kRefused) {
     return drop(DropCause::kUnexpected);
   }
-  if (welcome.nonce != nonce_) return drop(DropCause::kUnauthenticated);
+  if (!switched && (nonce_ == 0 || welcome.nonce != nonce_)) return drop(DropCause::kUnauthenticated);
+  // Nobody has asked for a third scene.
+  if (switched && welcome.scene_hash != switch_hash_) return drop(DropCause::kOutOfRange);
   if (welcome.version < config_.version_min || welcome.version > config_.version_max) {
     return drop(DropCause::kWrongVersion);
   }
@@ -183,7 +214,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   steps_.begin(welcome.steps.executed, sessions_ > 0 && welcome.epoch == welcome_.epoch);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
-    stats_.reset();  // another server, perhaps: another clock
+    if (!switched) stats_.reset();  // another server, perhaps: another clock
   }
   if (sessions_ == 0 || welcome.epoch != welcome_.epoch) slave_energy_.reset();
   unknown_account_ = sessions_ == 0 && resume_token_ != 0 && welcome.resume_token == resume_token_;
@@ -193,7 +224,12 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   ++sessions_;
   session_alive_ = true;
   resume_token_ = welcome.resume_token;
-  handshake_ns_ = now_ns - attempt_start_ns_;
+  handshake_ns_ = now_ns - (switched ? switch_start_ns_ : attempt_start_ns_);
+  // Its own Welcome may have been lost: the server is there all the same.
+  if (switches && welcome.scene_hash == switch_hash_) {
+    switching_ = SceneSwitching::kDone;
+    switch_nonce_ = 0;
+  }
   nonce_ = 0;
   cookie_ = 0;
   command_sequence_ = 0;
@@ -207,6 +243,12 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
 }
 
 ClientEvent ClientSession::on_refuse(const Refuse& refuse, std::int64_t now_ns) noexcept {
+  if (switch_nonce_ != 0 && refuse.nonce == switch_nonce_) {
+    refuse_ = refuse;
+    switching_ = SceneSwitching::kRefused;
+    switch_nonce_ = 0;
+    return ClientEvent::kSwitchRefused;
+  }
   const bool asking =
       state_ == ClientState::kHelloSent || state_ == ClientState::kChallenged || state_ == ClientState::kLost;
   if (!asking) return drop(DropCause::kUnexpected);
@@ -252,6 +294,19 @@ ClientEvent ClientSession::on_scene_chunk(const SceneChunk& chunk) noexcept {
   const SceneOffer& scene = welcome_.scene;
   const bool fits = chunk.bundle == scene.name() && chunk.size == scene.chunk_bytes(chunk.chunk);
   return fits && chunk.size > 0 ? ClientEvent::kSceneChunk : drop(DropCause::kOutOfRange);
+}
+
+ClientEvent ClientSession::on_scene_entry(const SceneListEntry& entry) noexcept {
+  if (!session_alive_) return drop(DropCause::kUnexpected);
+  if (entry.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
+  if ((features() & kFeatureSceneSwitch) == 0) return drop(DropCause::kUnexpected);
+  return ClientEvent::kSceneEntry;
+}
+
+std::size_t ClientSession::make_scene_list_request(std::uint32_t index,
+                                                   std::span<std::uint8_t> out) noexcept {
+  if (!session_alive_ || (features() & kFeatureSceneSwitch) == 0) return 0;
+  return codec_.encode(SceneListRequest{welcome_.session_id, index}, out);
 }
 
 std::size_t ClientSession::make_scene_request(std::uint32_t chunk, std::span<std::uint8_t> out) noexcept {

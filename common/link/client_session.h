@@ -53,6 +53,14 @@ enum class ClientState : std::uint8_t {
 
 const char* name(ClientState state) noexcept;
 
+/// What became of the last switch_scene().
+enum class SceneSwitching : std::uint8_t {
+  kNone,
+  kAsked,    ///< and not answered yet
+  kDone,     ///< the newest Welcome is the other scene's
+  kRefused,  ///< refuse() says why
+};
+
 enum class ClientEvent : std::uint8_t {
   kNone,
   kDropped,
@@ -62,7 +70,9 @@ enum class ClientEvent : std::uint8_t {
   kRefused,
   kBye,
   kPiece,
-  kSceneChunk  ///< in incoming(): of the scene that the newest Welcome offers, of its right size
+  kSceneChunk,     ///< in incoming(): of the scene that the newest Welcome offers, of its right size
+  kSceneEntry,     ///< in incoming(): a line of the server's list of scenes
+  kSwitchRefused,  ///< in refuse(): the server stays at the scene
 };
 
 /// The station's end of a session, sans-IO: datagrams and times go in, datagrams come out, in every tick:
@@ -112,6 +122,13 @@ class ClientSession {
   /// Asks for a piece of the scene that the newest Welcome offers; 0 while there is no session, or no such
   /// piece. Asking is no sign of life: commands go on beside it.
   std::size_t make_scene_request(std::uint32_t chunk, std::span<std::uint8_t> out) noexcept;
+  /// Asks for a line of the server's list of scenes; 0 while there is no session, or the server has one scene.
+  std::size_t make_scene_list_request(std::uint32_t index, std::span<std::uint8_t> out) noexcept;
+  /// Asks for another scene from now on, by poll(), until there is an answer: a Welcome of exactly that scene, with
+  /// another slave in a new epoch, or a refusal. What is on its way to the slave before moves nothing any more. False:
+  /// there is no session, or the server has one scene.
+  bool switch_scene(std::uint64_t scene_hash, std::int64_t now_ns) noexcept;
+  SceneSwitching scene_switching() const noexcept { return switching_; }
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
 
@@ -143,7 +160,7 @@ class ClientSession {
   DropCause last_drop() const noexcept { return last_drop_; }
   const ReceivedEnergy& slave_energy_aj() const noexcept { return slave_energy_; }
 
-  const Refuse& refuse() const noexcept { return refuse_; }      ///< valid in kRefused
+  const Refuse& refuse() const noexcept { return refuse_; }      ///< valid in kRefused, after kSwitchRefused
   ByeReason bye_reason() const noexcept { return bye_reason_; }  ///< of the last Bye received
   std::int64_t state_since_ns() const noexcept { return state_since_ns_; }
   std::uint32_t hellos_sent() const noexcept { return hellos_sent_; }  ///< of the present attempt
@@ -168,6 +185,9 @@ class ClientSession {
   ClientEvent on_reply(const Reply& reply, std::int64_t now_ns) noexcept;
   ClientEvent on_bye(const Bye& bye, std::int64_t now_ns) noexcept;
   ClientEvent on_scene_chunk(const SceneChunk& chunk) noexcept;
+  ClientEvent on_scene_entry(const SceneListEntry& entry) noexcept;
+  std::uint64_t next_nonce() noexcept;
+  std::size_t poll_switch(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
 
   ClientConfig config_;
   Codec codec_;
@@ -184,6 +204,14 @@ class ClientSession {
   std::int64_t attempt_start_ns_ = 0;
   std::int64_t next_hello_ns_ = 0;
   std::int64_t backoff_ns_ = 0;
+
+  // The scene that was asked for; nonce 0 = none.
+  SceneSwitching switching_ = SceneSwitching::kNone;
+  std::uint64_t switch_nonce_ = 0;
+  std::uint64_t switch_hash_ = 0;
+  std::int64_t switch_start_ns_ = 0;
+  std::int64_t next_switch_ns_ = 0;
+  std::int64_t switch_backoff_ns_ = 0;
 
   // The session.
   bool session_alive_ = false;

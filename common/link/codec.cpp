@@ -221,28 +221,56 @@ std::size_t Codec::encode(const Bye& m, std::span<std::uint8_t> out) noexcept {
   return write(MessageType::kBye, w, out);
 }
 
-std::size_t Codec::encode(const SnapshotRequest& m, std::span<std::uint8_t> out) noexcept {
+namespace {
+
+/// Of a message that comes in the usual form only; `data` is its last field, or none.
+template <class Message>
+std::size_t write_in_order(MessageType type, const Message& m, std::span<std::uint8_t> out,
+                           std::uint32_t data_field = 0, std::span<const std::uint8_t> data = {}) noexcept {
   if (out.size() < kMaxDatagramBytes) return 0;
   FlatWriter writer{out.data() + kHeaderBytes};
   visit_fields(m, writer);
-  const std::size_t total = static_cast<std::size_t>(writer.at - out.data());
-  write_header(out.first<kHeaderBytes>(), MessageType::kSnapshotRequest, total - kHeaderBytes);
+  if (!data.empty()) {
+    put(writer.at, (data_field << 3) | 2u, 1);
+    put(writer.at, data.size() < 0x80 ? data.size() : (data.size() & 0x7fu) | 0x80u, 1);
+    if (data.size() >= 0x80) put(writer.at, data.size() >> 7, 1);
+    std::memcpy(writer.at, data.data(), data.size());
+  }
+  const std::size_t total = static_cast<std::size_t>(writer.at - out.data()) + data.size();
+  write_header(out.first<kHeaderBytes>(), type, total - kHeaderBytes);
   return total;
 }
 
+/// The bytes of a name, up to its end.
+std::span<const std::uint8_t> bytes_of(const SceneName& name) noexcept {
+  const auto end = std::find(name.text.begin(), name.text.end(), '\0');
+  return {reinterpret_cast<const std::uint8_t*>(name.text.data()),
+          static_cast<std::size_t>(end - name.text.begin())};
+}
+
+}  // namespace
+
+std::size_t Codec::encode(const SnapshotRequest& m, std::span<std::uint8_t> out) noexcept {
+  return write_in_order(MessageType::kSnapshotRequest, m, out);
+}
+
 std::size_t Codec::encode(const SnapshotPiece& m, std::span<std::uint8_t> out) noexcept {
-  if (out.size() < kMaxDatagramBytes || m.size > kSnapshotPieceBytes) return 0;
-  FlatWriter writer{out.data() + kHeaderBytes};
-  visit_fields(m, writer);
-  if (m.size > 0) {
-    put(writer.at, (kSnapshotPieceData << 3) | 2u, 1);
-    put(writer.at, m.size < 0x80 ? m.size : (m.size & 0x7fu) | 0x80u, 1);
-    if (m.size >= 0x80) put(writer.at, m.size >> 7, 1);
-    std::memcpy(writer.at, m.data.data(), m.size);
-  }
-  const std::size_t total = static_cast<std::size_t>(writer.at - out.data()) + m.size;
-  write_header(out.first<kHeaderBytes>(), MessageType::kSnapshotPiece, total - kHeaderBytes);
-  return total;
+  if (m.size > kSnapshotPieceBytes) return 0;
+  return write_in_order(MessageType::kSnapshotPiece, m, out, kSnapshotPieceData,
+                        std::span<const std::uint8_t>(m.data).first(m.size));
+}
+
+std::size_t Codec::encode(const SceneListRequest& m, std::span<std::uint8_t> out) noexcept {
+  return write_in_order(MessageType::kSceneListRequest, m, out);
+}
+
+std::size_t Codec::encode(const SceneListEntry& m, std::span<std::uint8_t> out) noexcept {
+  return write_in_order(MessageType::kSceneListEntry, m, out, kSceneListEntrySceneName,
+                        bytes_of(m.scene_name));
+}
+
+std::size_t Codec::encode(const SceneSwitch& m, std::span<std::uint8_t> out) noexcept {
+  return write_in_order(MessageType::kSceneSwitch, m, out);
 }
 
 std::size_t Codec::encode(const SceneRequest& m, std::span<std::uint8_t> out) noexcept {
@@ -307,7 +335,7 @@ DropCause check(const Welcome& m) noexcept {
 }
 
 DropCause check(const Refuse& m) noexcept {
-  const bool reason = m.reason >= RefuseReason::kVersion && m.reason <= RefuseReason::kShuttingDown;
+  const bool reason = m.reason >= RefuseReason::kVersion && m.reason <= RefuseReason::kScene;
   return in_range(reason && m.version_min != 0 && m.version_min <= m.version_max && m.nonce != 0);
 }
 
@@ -427,32 +455,87 @@ DropCause read_flat(std::span<const std::uint8_t> payload, Message& message, std
   return first_cause(check(message), check_features(message));
 }
 
-/// Snapshots come in the usual form only: rising order, zeros left out, the bytes last.
-DropCause read_snapshot(std::span<const std::uint8_t> payload, SnapshotRequest& m) noexcept {
+// These come in the usual form only: rising order, zeros left out, the bytes last.
+
+/// Where the fields before the bytes end.
+template <class Message>
+const std::uint8_t* read_in_order(std::span<const std::uint8_t> payload, Message& m) noexcept {
   FlatReader reader{payload.data(), payload.data() + payload.size()};
   visit_fields(m, reader);
-  if (reader.at != reader.end) return DropCause::kMalformedField;
-  return m.session_id != 0 && m.snapshot != 0 ? DropCause::kNone : DropCause::kOutOfRange;
+  return reader.at;
 }
 
-DropCause read_snapshot(std::span<const std::uint8_t> payload, SnapshotPiece& m) noexcept {
-  FlatReader reader{payload.data(), payload.data() + payload.size()};
-  visit_fields(m, reader);
-  const std::uint8_t* at = reader.at;
-  m.size = 0;
-  if (at != reader.end) {
-    if (*at++ != ((kSnapshotPieceData << 3) | 2u) || at == reader.end) return DropCause::kMalformedField;
-    std::size_t length = *at++;
-    if (length >= 0x80) {
-      if (at == reader.end || *at == 0 || *at >= 0x80) return DropCause::kMalformedField;
-      length = (length & 0x7fu) | (static_cast<std::size_t>(*at++) << 7);
-    }
-    if (length == 0 || length > kSnapshotPieceBytes || static_cast<std::size_t>(reader.end - at) != length)
-      return DropCause::kMalformedField;
-    m.size = static_cast<std::uint32_t>(length);
-    std::memcpy(m.data.data(), at, length);
+/// The bytes of this field, from `at` to the payload's end, 1 to `most`. False: they are something else.
+bool read_last_bytes(std::span<const std::uint8_t> payload, const std::uint8_t* at, std::uint32_t field,
+                     std::size_t most, std::span<const std::uint8_t>& data) noexcept {
+  const std::uint8_t* const end = payload.data() + payload.size();
+  data = {};
+  if (at == end) return true;
+  if (*at++ != ((field << 3) | 2u) || at == end) return false;
+  std::size_t length = *at++;
+  if (length >= 0x80) {
+    if (at == end || *at == 0 || *at >= 0x80) return false;
+    length = (length & 0x7fu) | (static_cast<std::size_t>(*at++) << 7);
   }
-  return m.session_id != 0 && m.snapshot != 0 ? DropCause::kNone : DropCause::kOutOfRange;
+  if (length == 0 || length > most || static_cast<std::size_t>(end - at) != length) return false;
+  data = {at, length};
+  return true;
+}
+
+DropCause read_ordered(std::span<const std::uint8_t> payload, SnapshotRequest& m) noexcept {
+  if (read_in_order(payload, m) != payload.data() + payload.size()) return DropCause::kMalformedField;
+  return in_range(m.session_id != 0 && m.snapshot != 0);
+}
+
+DropCause read_ordered(std::span<const std::uint8_t> payload, SnapshotPiece& m) noexcept {
+  std::span<const std::uint8_t> data;
+  const std::uint8_t* const at = read_in_order(payload, m);
+  if (!read_last_bytes(payload, at, kSnapshotPieceData, kSnapshotPieceBytes, data))
+    return DropCause::kMalformedField;
+  m.size = static_cast<std::uint32_t>(data.size());
+  std::copy(data.begin(), data.end(), m.data.begin());
+  return in_range(m.session_id != 0 && m.snapshot != 0);
+}
+
+DropCause read_ordered(std::span<const std::uint8_t> payload, SceneListRequest& m) noexcept {
+  if (read_in_order(payload, m) != payload.data() + payload.size()) return DropCause::kMalformedField;
+  return in_range(m.session_id != 0);
+}
+
+DropCause read_ordered(std::span<const std::uint8_t> payload, SceneListEntry& m) noexcept {
+  std::span<const std::uint8_t> name;
+  const std::uint8_t* const at = read_in_order(payload, m);
+  if (!read_last_bytes(payload, at, kSceneListEntrySceneName, kSceneNameBytes, name))
+    return DropCause::kMalformedField;
+  m.scene_name = {};
+  std::copy(name.begin(), name.end(), m.scene_name.text.begin());
+  const bool named = !name.empty() && std::find(name.begin(), name.end(), 0) == name.end();
+  return in_range(m.session_id != 0 && m.scene_hash != 0 && m.index < m.count && named);
+}
+
+DropCause read_ordered(std::span<const std::uint8_t> payload, SceneSwitch& m) noexcept {
+  if (read_in_order(payload, m) != payload.data() + payload.size()) return DropCause::kMalformedField;
+  return in_range(m.session_id != 0 && m.nonce != 0 && m.scene_hash != 0);
+}
+
+/// `is_one` false: it is none of these.
+DropCause read_ordered(const WireFrame& frame, Incoming& in, bool& is_one) noexcept {
+  is_one = true;
+  switch (frame.type) {
+    case MessageType::kSnapshotRequest:
+      return read_ordered(frame.payload, in.snapshot_request);
+    case MessageType::kSnapshotPiece:
+      return read_ordered(frame.payload, in.snapshot_piece);
+    case MessageType::kSceneListRequest:
+      return read_ordered(frame.payload, in.scene_list_request);
+    case MessageType::kSceneListEntry:
+      return read_ordered(frame.payload, in.scene_list_entry);
+    case MessageType::kSceneSwitch:
+      return read_ordered(frame.payload, in.scene_switch);
+    default:
+      is_one = false;
+      return DropCause::kNone;
+  }
 }
 
 /// What stands behind a Command's fields.
@@ -484,10 +567,9 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       return cause;
     }
   }
-  if (frame.type == MessageType::kSnapshotRequest || frame.type == MessageType::kSnapshotPiece) {
-    cause = frame.type == MessageType::kSnapshotRequest
-                ? read_snapshot(frame.payload, incoming.snapshot_request)
-                : read_snapshot(frame.payload, incoming.snapshot_piece);
+  bool ordered = false;
+  cause = read_ordered(frame, incoming, ordered);
+  if (ordered) {
     if (cause == DropCause::kNone) incoming.type = frame.type;
     return cause;
   }
@@ -496,6 +578,9 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
   switch (frame.type) {
     case MessageType::kSnapshotRequest:
     case MessageType::kSnapshotPiece:
+    case MessageType::kSceneListRequest:
+    case MessageType::kSceneListEntry:
+    case MessageType::kSceneSwitch:
       break;
     case MessageType::kHello:
       cause = parse(frame, messages_->hello, incoming.hello);

@@ -28,6 +28,9 @@ struct Incoming {
   SnapshotPiece snapshot_piece;
   SceneRequest scene_request;
   SceneChunk scene_chunk;
+  SceneListRequest scene_list_request;
+  SceneListEntry scene_list_entry;
+  SceneSwitch scene_switch;
 };
 
 /// Between structs and datagrams; the only place that sees Protobuf. Its messages are made once and reused:
@@ -60,6 +63,9 @@ class Codec {
   std::size_t encode(const SnapshotPiece& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const SceneRequest& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const SceneChunk& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneListRequest& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneListEntry& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneSwitch& message, std::span<std::uint8_t> out) noexcept;
 
   DropCause decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept;
 

@@ -18,21 +18,23 @@ inline constexpr std::size_t kSceneChunkBytes = 464;  ///< of a scene's bundle i
 /// What may be agreed on beyond the fields that every session has. A session has a feature if the station's
 /// Hello asks for it and the server's Welcome grants it; without, its fields are never sent.
 enum FeatureBits : std::uint64_t {
-  kFeaturePortControl = 1u << 0,  ///< PortControl in Command, PortAnswer in Reply
-  kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
-  kFeatureSharing = 1u << 2,      ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
-  kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
-  kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
-  kFeatureParticle = 1u << 5,     ///< Particle in Reply
-  kFeatureWell = 1u << 6,         ///< Welcome::well_aj
-  kFeatureScene = 1u << 7,        ///< Welcome::scene, SceneRequest, SceneChunk
-  kFeatureStepLog = 1u << 8,      ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
-  kFeatureSharedLog = 1u << 9,    ///< steps of one datagram belong to its tip_hold: a log at a shared tip
-  kFeatureUndo = 1u << 11,        ///< kFlagUndo in Command, kFaultUndo in Reply
+  kFeaturePortControl = 1u << 0,   ///< PortControl in Command, PortAnswer in Reply
+  kFeatureLocalModel = 1u << 1,    ///< LocalModel in Reply
+  kFeatureSharing = 1u << 2,       ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
+  kFeatureRedundancy = 1u << 3,    ///< RecentCommands with Command (recent_commands.h)
+  kFeatureStepHistory = 1u << 4,   ///< Reply::steps_before
+  kFeatureParticle = 1u << 5,      ///< Particle in Reply
+  kFeatureWell = 1u << 6,          ///< Welcome::well_aj
+  kFeatureScene = 1u << 7,         ///< Welcome::scene, SceneRequest, SceneChunk
+  kFeatureStepLog = 1u << 8,       ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
+  kFeatureSharedLog = 1u << 9,     ///< steps of one datagram belong to its tip_hold: a log at a shared tip
+  kFeatureUndo = 1u << 11,         ///< kFlagUndo in Command, kFaultUndo in Reply
+  kFeatureSceneSwitch = 1u << 12,  ///< SceneListRequest, SceneListEntry, SceneSwitch
 };
-inline constexpr std::uint64_t kKnownFeatures =
-    kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy | kFeatureStepHistory |
-    kFeatureParticle | kFeatureWell | kFeatureScene | kFeatureStepLog | kFeatureSharedLog | kFeatureUndo;
+inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
+                                                kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle |
+                                                kFeatureWell | kFeatureScene | kFeatureStepLog |
+                                                kFeatureSharedLog | kFeatureUndo | kFeatureSceneSwitch;
 
 /// Why the slave's state is not what the log of steps says.
 enum StepBreak : std::uint32_t {
@@ -134,7 +136,13 @@ struct Welcome {
   SceneOffer scene;
 };
 
-enum class RefuseReason : std::uint32_t { kVersion = 1, kFull = 2, kRate = 3, kShuttingDown = 4 };
+enum class RefuseReason : std::uint32_t {
+  kVersion = 1,
+  kFull = 2,
+  kRate = 3,
+  kShuttingDown = 4,
+  kScene = 5  ///< of a SceneSwitch: there is no such scene, or it cannot be made
+};
 
 /// Server → station: no session, and why.
 struct Refuse {
@@ -362,6 +370,28 @@ struct SceneChunk {
   std::array<std::uint8_t, kSceneChunkBytes> data{};
 };
 
+/// Station → server, behind kFeatureSceneSwitch: asks for one line of the list of scenes.
+struct SceneListRequest {
+  std::uint64_t session_id = 0;
+  std::uint32_t index = 0;  ///< from 0
+};
+
+/// Server → station: that line.
+struct SceneListEntry {
+  std::uint64_t session_id = 0;
+  std::uint32_t index = 0;       ///< below `count`
+  std::uint32_t count = 0;       ///< scenes in the list, not 0
+  std::uint64_t scene_hash = 0;  ///< as a Welcome to this scene has it; not 0
+  SceneName scene_name;          ///< likewise; not empty
+};
+
+/// Station → server: this session on another scene. Answered by a Welcome or a Refuse with its nonce.
+struct SceneSwitch {
+  std::uint64_t session_id = 0;
+  std::uint64_t nonce = 0;       ///< of this wish, as a Hello's
+  std::uint64_t scene_hash = 0;  ///< of the scene that is wanted
+};
+
 enum class ByeReason : std::uint32_t {
   kDone = 1,
   kIdle = 2,
@@ -388,7 +418,10 @@ enum class MessageType : std::uint8_t {
   kSceneRequest = 8,
   kSceneChunk = 9,
   kSnapshotRequest = 10,
-  kSnapshotPiece = 11
+  kSnapshotPiece = 11,
+  kSceneListRequest = 12,
+  kSceneListEntry = 13,
+  kSceneSwitch = 14
 };
 
 }  // namespace telenano::link

@@ -35,12 +35,16 @@ std::uint64_t ServerHandshake::party_of(const PeerKey& peer, std::uint64_t owner
 
 /// At a shared tip a log of steps asks for both bits: a station that knows only private ones would mix steps
 /// of two holdings.
-std::uint64_t ServerHandshake::granted(const Hello& hello) const noexcept {
-  std::uint64_t bits = hello.feature_bits & config_.feature_bits;
+std::uint64_t ServerHandshake::granted(std::uint64_t wanted, std::uint64_t offered) noexcept {
+  std::uint64_t bits = wanted & offered;
   const bool shared = (bits & kFeatureSharing) != 0;
   if ((bits & kFeatureStepLog) == 0 || !shared) bits &= ~std::uint64_t{kFeatureSharedLog};
   if (shared && (bits & kFeatureSharedLog) == 0) bits &= ~std::uint64_t{kFeatureStepLog};
   return bits;
+}
+
+bool ServerHandshake::take_opening(std::uint64_t party, std::int64_t now_ns) noexcept {
+  return party_openings_[party % kPartyBuckets].take(now_ns) && openings_.take(now_ns);
 }
 
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
@@ -97,7 +101,8 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     if (table[old].state != SlotState::kActive && !has_place())
       return refuse(RefuseReason::kFull, DropCause::kFull);
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
-    table[old].feature_bits = granted(hello);
+    table[old].wanted_bits = hello.feature_bits;
+    table[old].feature_bits = granted(hello.feature_bits, config_.feature_bits);
     table[old].rank = context.rank;
     verdict.kind = Kind::kResume;
     verdict.slot = old;
@@ -112,12 +117,11 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
   if (!context.has_time || !table.has_room(opener) || !has_place())
     return refuse(RefuseReason::kFull, DropCause::kFull);
-  if (!context.may_open || !party_openings_[opener.party % kPartyBuckets].take(now_ns) ||
-      !openings_.take(now_ns))
-    return drop(DropCause::kRateLimited);
+  if (!context.may_open || !take_opening(opener.party, now_ns)) return drop(DropCause::kRateLimited);
   verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, opener);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
-  table[verdict.slot].feature_bits = granted(hello);
+  table[verdict.slot].wanted_bits = hello.feature_bits;
+  table[verdict.slot].feature_bits = granted(hello.feature_bits, config_.feature_bits);
   verdict.kind = Kind::kOpen;
   return verdict;
 }

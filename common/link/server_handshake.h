@@ -62,11 +62,14 @@ class ServerHandshake {
 
   std::uint64_t cookie(const PeerKey& peer, std::uint64_t nonce, std::int64_t time_slot) const noexcept;
   static constexpr std::int64_t kCookieSlotNs = 30'000'000'000;
+  /// Of the features that a station wants and a server has, those that both can use together.
+  static std::uint64_t granted(std::uint64_t wanted, std::uint64_t offered) noexcept;
+  /// May this party have one more slave made now? If so, it counts as an opening.
+  bool take_opening(std::uint64_t party, std::int64_t now_ns) noexcept;
   /// Whom a session counts for: the key, or where there is none the address without its port.
   std::uint64_t party_of(const PeerKey& peer, std::uint64_t owner) const noexcept;
 
  private:
-  std::uint64_t granted(const Hello& hello) const noexcept;
   static constexpr std::size_t kPartyBuckets = 1024;
 
   ServerHandshakeConfig config_;

@@ -160,9 +160,7 @@ std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::ui
   session.party = opener.party;
   session.rank = opener.rank;
   session.resume_token = secret_number();
-  if (next_epoch_ == 0) next_epoch_ += config_.shards;  // 0 is "none"
-  session.epoch = next_epoch_;
-  next_epoch_ += config_.shards;
+  session.epoch = new_epoch();
   start(best, peer, nonce, rate_hz, now_ns);
   return best;
 }
@@ -178,6 +176,20 @@ std::size_t SessionTable::adopt(const Session& session) noexcept {
 void SessionTable::resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
                           std::int64_t now_ns) noexcept {
   start(slot, peer, nonce, rate_hz, now_ns);
+}
+
+std::uint32_t SessionTable::new_epoch() noexcept {
+  if (next_epoch_ == 0) next_epoch_ += config_.shards;  // 0 is "none"
+  const std::uint32_t epoch = next_epoch_;
+  next_epoch_ += config_.shards;
+  return epoch;
+}
+
+void SessionTable::begin_anew(std::size_t slot, std::uint64_t nonce, std::int64_t now_ns) noexcept {
+  Session& session = sessions_[slot];
+  session.epoch = new_epoch();
+  session.awaits_first = true;
+  start(slot, PeerKey(session.peer), nonce, session.rate_hz, now_ns);
 }
 
 void SessionTable::end(std::size_t slot, std::int64_t now_ns) noexcept {

@@ -48,6 +48,7 @@ struct Session {
   std::uint32_t epoch = 0;
   std::uint32_t rate_hz = 0;
   std::uint64_t feature_bits = 0;  ///< agreed
+  std::uint64_t wanted_bits = 0;   ///< by the newest Hello: another slave may have others of them
   PeerKey peer;
   std::uint64_t owner = 0;                ///< identity of the key that opened it; nobody else's may use it
   std::uint64_t party = 0;                ///< whom it counts for
@@ -120,6 +121,9 @@ class SessionTable {
   /// The same slave and account under a new session id, perhaps from another address.
   void resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
               std::int64_t now_ns) noexcept;
+  /// Another slave for the same station: a new session id and a new epoch. `nonce`: what asked for it, as a Hello's.
+  /// The next command may be as late as after a Welcome.
+  void begin_anew(std::size_t slot, std::uint64_t nonce, std::int64_t now_ns) noexcept;
   void end(std::size_t slot,
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
   void release(std::size_t slot) noexcept { replace(slot, {}); }
@@ -156,6 +160,7 @@ class SessionTable {
   void set_state(std::size_t slot, SlotState state) noexcept;
   void replace(std::size_t slot, const Session& session) noexcept;
   std::uint64_t secret_number() noexcept;
+  std::uint32_t new_epoch() noexcept;
 
   SessionTableConfig config_;
   SipKey secret_;

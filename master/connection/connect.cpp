@@ -28,6 +28,8 @@ std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::
                          rate_hz);
     case link::RefuseReason::kShuttingDown:
       return fmt::format("the server at {} is shutting down", server);
+    case link::RefuseReason::kScene:
+      break;  // answers no Hello
   }
   return fmt::format("the server at {} refuses for a reason that this version of the station does not know",
                      server);

@@ -105,7 +105,7 @@ double Station::zero_s() const noexcept {
 
 /// The sample's own energy, as slave and twin know of it: credited is the larger, once.
 double Station::given_aj() const noexcept {
-  return std::max(most_given_aj_, twin_ ? twin_->most_given_aj() : 0.0);
+  return std::max(wells_.most_given_aj(), twin_ ? twin_->most_given_aj() : 0.0);
 }
 
 /// The deepest well that is believed: with a twin no more than the station has found in the scene itself.
@@ -116,7 +116,18 @@ double Station::well_j() const noexcept {
   // A companded sample is one whose well is so much deeper. That is the station's own doing, no server's word.
   if (knows_scene && methods_.method() == control::Method::kTwin)
     believed_aj += twin_->companding().most_ever_aj();
-  return std::min(config_.scaling.hand_energy_j(believed_aj), config_.well_max_j);
+  if (!wells_.knows()) return 0;
+  const double most_j = std::max(0.0, config_.well_max_j - wells_.of_others_j());
+  return std::min(config_.scaling.hand_energy_j(believed_aj), most_j);
+}
+
+/// Of all samples so far: those that were left have given what they were believed, and give no more.
+Station::SampleCredit Station::sample_credit() noexcept {
+  const double well_now_j = well_j();
+  const double given_now_j = std::min(config_.scaling.hand_energy_j(given_aj()), well_now_j);
+  wells_.believe(given_now_j);
+  const double others_j = wells_.of_others_j();
+  return {others_j + well_now_j, others_j + given_now_j};
 }
 
 Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
@@ -215,6 +226,29 @@ Vec3 Station::session_start_w_nm(const link::Welcome& welcome) const noexcept {
   return goes_on ? last_step_w_nm_ : welcome.start_pos_w_nm;
 }
 
+void Station::go_to_scene(const StationConfig& config, const SlavePort& slave, std::unique_ptr<TwinRun> twin,
+                          std::uint64_t scene_hash) {
+  config.validate();
+  wells_.give(given_aj());  // what the twin has found, which goes
+  config_ = config;
+  slave_ = slave;
+  twin_ = std::move(twin);
+  if (twin_) twin_->compand(config_.companding);
+  expected_scene_ = scene_hash;
+  mapping_.rescale(config_.scaling, hand_pos_h_m_);
+  // Nothing acts, and where the hand has gone meanwhile is not known.
+  has_hand_pos_ = has_reply_ = false;
+  applied_force_h_n_.setZero();
+  commanded_force_h_n_.setZero();
+  rendered_force_h_n_.setZero();
+  tip_force_h_n_.setZero();
+  left_by_twin_h_n_.setZero();
+  leaves_twin_ = fades_ = old_ = false;
+  ramp_ = 0;
+  if (latched_ == 0) mode_ = Mode::kIdle;
+  methods_.change_to(usable(config_.method), method_config(), hand_pos_h_m_);
+}
+
 void Station::begin_session(const link::Welcome& welcome, bool known_account) noexcept {
   mapping_.begin(session_start_w_nm(welcome), welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
@@ -236,8 +270,11 @@ void Station::begin_session(const link::Welcome& welcome, bool known_account) no
   well_aj_ = (features_ & link::kFeatureWell) != 0 ? welcome.well_aj : 0;
   tip_hold_ = 0;
   tip_up_ = waits_for_tip_ = false;
-  if (has_scene_ && welcome.scene_hash != scene_hash_) latched_ |= kFaultOtherScene;
+  const bool expected = expected_scene_ != 0 && welcome.scene_hash == expected_scene_;
+  expected_scene_ = 0;
+  if (has_scene_ && welcome.scene_hash != scene_hash_ && !expected) latched_ |= kFaultOtherScene;
   scene_hash_ = welcome.scene_hash;
+  wells_.go_to(scene_hash_);
   has_scene_ = true;
   if (twin_) {
     if (logs_steps() && twin_->scene_hash() == welcome.scene_hash) {
@@ -396,7 +433,7 @@ void Station::watch_age(const StationInput& input) noexcept {
 link::ReceivedSums::News Station::account_for_slave() noexcept {
   link::ReceivedSums::News added = slave_sums_.update(reply_);
   given_aj_ += added.energy_out_aj - added.energy_in_aj;
-  most_given_aj_ = std::max(most_given_aj_, given_aj_);
+  wells_.give(given_aj_);
   price_j_aj_ = scales_.answered(reply_.command_sequence, config_.scaling.hand_energy_j(1));
   sample_.put_in(added.energy_in_aj, price_j_aj_);
   added.energy_out_aj = sample_.take_out(added.energy_out_aj, price_j_aj_);
@@ -418,8 +455,9 @@ void Station::tell_method(const link::ReceivedSums::News& added, double price_j_
   news.wave_h = added.wave * std::sqrt(price_j_aj);
   if (!is_finite(news.wave_h)) news.wave_h.setZero();
   news.wave_j = crossed_j(added.wave_aj);
-  news.well_j = well_j();
-  news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
+  const SampleCredit credit = sample_credit();
+  news.well_j = credit.well_j;
+  news.given_j = credit.given_j;
   news.model = contact_plane(reply_.model);
   news.answers = reply_.command_sequence;
   methods_.now().on_reply(news);
@@ -621,8 +659,9 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   news.other_state = twin_->take_swapped();
   news.dt_s = std::min(dt_s, period_s_);
   news.force_h_n = config_.scaling.hand_force_n(twin_->felt_force_w_nn());
-  news.well_j = well_j();
-  news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
+  const SampleCredit credit = sample_credit();
+  news.well_j = credit.well_j;
+  news.given_j = credit.given_j;
   methods_.now().feel(news);
 }
 

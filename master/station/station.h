@@ -12,6 +12,7 @@
 #include "telenano/common/link/snapshot.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/station/force_limits.h"
+#include "telenano/master/station/sample_wells.h"
 #include "telenano/master/station/scale_history.h"
 #include "telenano/master/station/station_config.h"
 #include "telenano/master/station/twin_run.h"
@@ -138,6 +139,13 @@ class Station {
   /// began before this station, and what they hold already is credited to nobody here.
   void begin_session(const link::Welcome& welcome, bool known_account = true) noexcept;
 
+  /// The next session is this one's on another scene, which a person has asked for: it was planned anew, for its slave.
+  /// What is owed, and what samples have given, goes on; no allowance is granted. Outside of the loop, and while the
+  /// device shows no force: the hand may be elsewhere when it goes on. `twin` null: there is none. Throws UserError,
+  /// and nothing changes, for a config that is not valid.
+  void go_to_scene(const StationConfig& config, const SlavePort& slave, std::unique_ptr<TwinRun> twin,
+                   std::uint64_t scene_hash);
+
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
   /// Another control method, from the next tick on. Bumpless: the energy that is owed is carried over, none
@@ -188,6 +196,11 @@ class Station {
   void step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept;
   double given_aj() const noexcept;
   double well_j() const noexcept;
+  struct SampleCredit {
+    double well_j = 0;
+    double given_j = 0;
+  };
+  SampleCredit sample_credit() noexcept;
   bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
   void accept_reply(const StationInput& input) noexcept;
   void watch_age(const StationInput& input) noexcept;
@@ -224,6 +237,7 @@ class Station {
   std::uint32_t epoch_ = 0;
   std::uint64_t scene_hash_ = 0;
   bool has_scene_ = false;
+  std::uint64_t expected_scene_ = 0;  // of go_to_scene(), until that session begins; 0: none
   std::uint32_t tip_hold_ = 0;  // of a shared tip: the holding that the target is anchored to; 0 = observes
   bool tip_up_ = false;         // the newest reply says that the slave has withdrawn its tip
   bool waits_for_tip_ = false;  // the operator wants to engage; the tip is up
@@ -233,7 +247,7 @@ class Station {
   link::PricedEnergy sample_;  // what the slave's sums say of it, at the scale of their time
   double well_aj_ = 0;         // of the scene, as the slave says; 0: none, or not known
   double given_aj_ = 0;        // out less in of the slave's sums, in this epoch
-  double most_given_aj_ = 0;   // ever, of any epoch
+  SampleWells wells_;          // the most of that ever, of each sample
   WorkspaceMapping mapping_;
   Mode mode_ = Mode::kIdle;
   std::uint32_t latched_ = 0;

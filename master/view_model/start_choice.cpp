@@ -22,6 +22,11 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
+void add_server_scene(const StartChoice& choice, std::vector<std::string>& arguments) {
+  if (!choice.server_scene.empty())
+    arguments.insert(arguments.end(), {"--server-scene", choice.server_scene});
+}
+
 void add_keys(const StartChoice& choice, std::vector<std::string>& arguments) {
   if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
   if (!choice.identity.empty()) arguments.insert(arguments.end(), {"--identity", choice.identity});
@@ -33,6 +38,7 @@ void add_keys(const StartChoice& choice, std::vector<std::string>& arguments) {
 std::vector<std::string> run_arguments(const StartChoice& choice) {
   std::vector<std::string> arguments{"run", "--server", choice.server, "--device", choice.device, "--view"};
   add_keys(choice, arguments);
+  add_server_scene(choice, arguments);
   if (choice.method != "auto") arguments.insert(arguments.end(), {"--method", choice.method});
   if (choice.guide) arguments.emplace_back("--guide");
   if (choice.text_size != 1)
@@ -44,6 +50,7 @@ std::vector<std::string> run_arguments(const StartChoice& choice) {
 std::vector<std::string> plan_arguments(const StartChoice& choice) {
   std::vector<std::string> arguments{"plan", "--server", choice.server, "--felt", "--method", choice.method};
   add_keys(choice, arguments);
+  add_server_scene(choice, arguments);
   return arguments;
 }
 

@@ -11,6 +11,7 @@ struct StartChoice {
   std::string key;                        ///< file; empty, and no identity: not encrypted
   std::string identity;                   ///< file of this station's own key pair, instead of `key`
   std::string server_key;                 ///< with it: what the server shows, "sha256:…"
+  std::string server_scene;               ///< of a server with several; empty: its first
   std::string device = "sim";             ///< as --device takes it
   std::string method = "auto";
   bool guide = false;    ///< to a first touch

@@ -29,6 +29,8 @@ StartPlan parse_plan(const std::string& csv) {
   const auto number = [&](const char* key) { return std::strtod(rows[key].c_str(), nullptr); };
   StartPlan plan;
   plan.scene = rows["scene"];
+  for (int i = 1; rows.contains(fmt::format("scene_{}", i)); ++i)
+    plan.scenes.push_back(rows[fmt::format("scene_{}", i)]);
   plan.method = rows["method"];
   plan.round_trip_ms = number("round_trip_median");
   plan.safe = !rows["binding"].empty() && rows["binding"] != "nothing_is_safe";

@@ -8,6 +8,7 @@ namespace telenano::view_model {
 /// What is known of a session before it begins, as `telenano-master plan --felt` says it.
 struct StartPlan {
   std::string scene;
+  std::vector<std::string> scenes;  ///< of a server with several, the first one first
   std::string method;
   double round_trip_ms = 0;
   bool safe = false;         ///< there is a scale that this device can show passively

@@ -439,6 +439,18 @@ void ControlPanel::draw_practice() {
   if (port_.requests.push(request)) practice_ = wish;
 }
 
+/// Other samples of the server. A session is about one: to choose another ends it, as closing its window does, and
+/// begins one there.
+void ControlPanel::draw_scenes() {
+  ImGui::SetNextItemWidth(-1);
+  if (!ImGui::BeginCombo("##sample", ("Sample: " + facts_.scene_name).c_str())) return;
+  ImGui::TextColored(vec4(palette::kQuiet), "ends this session, and begins one at");
+  for (const std::string& scene : facts_.scenes) {
+    if (scene != facts_.scene_name && ImGui::Selectable(scene.c_str())) scene_wanted_ = scene;
+  }
+  ImGui::EndCombo();
+}
+
 void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live,
                              const RecordingStatus& recording) {
   const float s = gui.scale();
@@ -459,6 +471,7 @@ void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live
   } else {
     ImGui::TextColored(vec4(palette::kQuiet), "not recording (--record FILE)");
   }
+  if (!facts_.scenes.empty() && !ended_ && playback_ == nullptr) draw_scenes();
   if (facts_.can_undo && !ended_ && playback_ == nullptr) {
     if (ImGui::Button("Undo the last marks  (U)", {-1, 0})) undo_wanted_ = true;
   }
@@ -479,7 +492,8 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   // STOP and the messages stay in sight; what is under them scrolls where the window is low.
   const recording::Sample& now = live.now();
   const float s = gui.scale();
-  const float high = static_cast<float>(area.height_px) - (practice_ ? 60 * s : 0);
+  const float high =
+      static_cast<float>(area.height_px) - (practice_ ? 60 * s : 0) - (facts_.scenes.empty() ? 0 : 28 * s);
   const bool low = high < 720 * s;
   if (playback_ != nullptr) {
     draw_playback(gui, *playback_);

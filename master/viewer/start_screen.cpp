@@ -72,6 +72,26 @@ StartScreen::Wish StartScreen::draw_keys(view_model::StartChoice& choice) {
   return wish;
 }
 
+/// Of a server that has one there is nothing to choose.
+StartScreen::Wish StartScreen::draw_scenes(const StartFacts& facts, view_model::StartChoice& choice) {
+  // Another server's names say nothing here.
+  if (!facts.scenes_of.empty() && facts.scenes_of != choice.server) choice.server_scene.clear();
+  const bool known = facts.scenes_of == choice.server && facts.scenes.size() > 1;
+  if (!known && choice.server_scene.empty()) return Wish::kNone;
+  Wish wish = Wish::kNone;
+  label("Sample");
+  ImGui::SetNextItemWidth(-1);
+  const std::string shown = choice.server_scene.empty() && known ? facts.scenes.front() : choice.server_scene;
+  if (!ImGui::BeginCombo("##scene", shown.c_str())) return wish;
+  for (const std::string& scene : facts.scenes) {
+    if (!known || !ImGui::Selectable(scene.c_str(), scene == shown) || scene == shown) continue;
+    choice.server_scene = scene == facts.scenes.front() ? "" : scene;
+    wish = Wish::kLook;
+  }
+  ImGui::EndCombo();
+  return wish;
+}
+
 void StartScreen::draw_hands(const StartFacts& facts, view_model::StartChoice& choice) {
   label("Hand");
   ImGui::BeginGroup();
@@ -100,7 +120,6 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
     ImGui::BeginGroup();
     for (const SeenServer& seen : facts.seen) {
       ImGui::PushID(&seen);
-      // A server has one sample: to choose another is to choose another server.
       const std::string text = (seen.scene.empty() ? "" : seen.scene + "   at ") + seen.server +
                                (seen.key.empty() ? "" : "   key " + seen.key) +
                                (seen.identity.empty() ? "" : "   identity " + seen.identity);
@@ -118,6 +137,7 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
     ImGui::EndGroup();
   }
   if (draw_keys(choice) != Wish::kNone) wish = Wish::kLook;
+  if (draw_scenes(facts, choice) != Wish::kNone) wish = Wish::kLook;
   draw_hands(facts, choice);
   label("Method");
   ImGui::SetNextItemWidth(150 * s);

@@ -30,7 +30,9 @@ struct SeenServer {
 struct StartFacts {
   std::vector<SeenServer> seen;  ///< newest first
   std::vector<OfferedHand> hands;
-  bool looking = false;  ///< a server is being asked
+  bool looking = false;             ///< a server is being asked
+  std::vector<std::string> scenes;  ///< of the server that has answered last, if it has several
+  std::string scenes_of;            ///< that server
   std::optional<view_model::StartPlan> plan;
   std::string trouble;                 ///< why there is no plan; empty: not asked, or there is one
   std::vector<std::string> last_text;  ///< of the session before; empty: there was none
@@ -51,6 +53,7 @@ class StartScreen {
 
  private:
   Wish draw_choices(const StartFacts& facts, view_model::StartChoice& choice);
+  Wish draw_scenes(const StartFacts& facts, view_model::StartChoice& choice);
   void draw_hands(const StartFacts& facts, view_model::StartChoice& choice);
   void draw_plan(const StartFacts& facts, const view_model::StartChoice& choice);
   void draw_end(const StartFacts& facts);

@@ -24,6 +24,7 @@ struct TaskOffer {
 /// What does not change while a session runs.
 struct ViewFacts {
   std::string scene_name;
+  std::vector<std::string> scenes;  ///< that the server has besides; empty: there is one only
   std::string server;
   std::string device_name;
   bool mouse_is_hand = false;

@@ -93,6 +93,8 @@ class Viewer {
   void end(view_model::SessionEnd end);
   /// By key or button once the session has ended: the same once more.
   bool again_wanted() const noexcept { return again_; }
+  /// While it runs: a session at this other sample of the server, instead; empty: nobody wants one.
+  const std::string& scene_wanted() const noexcept { return panel_.scene_wanted(); }
 
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };

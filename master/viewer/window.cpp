@@ -205,7 +205,8 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     if (waits_for_a_person && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted())) break;
     if (viewer.again_wanted()) break;
     if (ended && hooks.stop_wanted && hooks.stop_wanted()) break;
-    if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
+    const bool leaves = glfwWindowShouldClose(window.get()) != 0 || !viewer.scene_wanted().empty();
+    if (leaves && !asked_to_quit) {
       view_model::ViewRequest quit;
       quit.kind = view_model::ViewRequest::Kind::kQuit;
       asked_to_quit = port.requests.push(quit);
@@ -269,7 +270,7 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     window.tell(title_of(facts, viewer, ended));
     std::this_thread::sleep_until(began + kFrame);
   }
-  return {frames, viewer.again_wanted()};
+  return {frames, viewer.again_wanted() || !viewer.scene_wanted().empty(), viewer.scene_wanted()};
 }
 
 }  // namespace telenano::viewer

@@ -15,7 +15,8 @@ namespace telenano::viewer {
 
 struct WindowEnd {
   rt::LogHistogram frames;  ///< how long they took, without their waiting
-  bool again = false;       ///< a person wants the same session once more
+  bool again = false;       ///< a person wants the same session once more,
+  std::string scene;        ///< at this sample of the server; empty: at the same one
 };
 
 /// A window, and what draws in it once it was shown: one for the time before a session and the session, since

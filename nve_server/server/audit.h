@@ -21,6 +21,7 @@ struct AuditEvent {
     kForgotten,  ///< nobody has resumed it
     kTipTaken,   ///< a shared tip is this session's from now on
     kTipLeft,    ///< and is not any more
+    kSwitched,   ///< to another of the server's scenes
     kFault,      ///< of the slave: `faults` have appeared (link::FaultBits), at most one event a second
   };
   Kind kind = Kind::kOpened;

@@ -8,6 +8,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/server/guarded_step.h"
+#include "telenano/nve_server/server/peer_key.h"
 #include "telenano/nve_server/server/session_features.h"
 
 namespace telenano::server {
@@ -15,15 +16,6 @@ namespace telenano::server {
 using link::DropCause;
 
 namespace {
-
-link::PeerKey peer_key(const net::Address& address) noexcept {
-  link::PeerKey key;
-  std::memcpy(key.bytes.data(), address.ip.data(), address.ip.size());
-  key.bytes[16] = static_cast<std::uint8_t>(address.port & 0xff);
-  key.bytes[17] = static_cast<std::uint8_t>(address.port >> 8);
-  key.channel = address.channel;
-  return key;
-}
 
 /// A slave that has not moved for so long on its way up has arrived: it may have a rate of its own.
 constexpr std::int64_t kRestNs = 50'000'000;
@@ -58,6 +50,17 @@ std::unique_ptr<slave::Slave> first_slave(const ServedScene& scene) {
   return slave;
 }
 
+/// A station knows a scene by its hash, a person by its name.
+void require_apart(const std::vector<ServedScene>& scenes) {
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (scenes[i].hash != scenes[k].hash && !(scenes[i].name == scenes[k].name)) continue;
+      throw UserError("the scene '" + text_of(scenes[i].name) +
+                      "' is served twice: give each --scene once, and each file a name of its own");
+    }
+  }
+}
+
 bool has_well(const slave::SlaveLimits& limits) noexcept {
   return limits.well_aj > 0 && std::isfinite(limits.well_aj);
 }
@@ -79,24 +82,29 @@ link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
 
 /// Sharing is offered where there is something to share, and asked for there; a particle and a well where
 /// there is one.
-link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits,
-                                             bool knows_state, const ServedScene& scene) {
-  link::ServerHandshakeConfig handshake;
-  handshake.secret = config.secret;
-  handshake.feature_bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
-  if (config.share == Share::kOneTip) {
-    handshake.required_bits = link::kFeatureSharing;
-    handshake.feature_bits |= link::kFeatureSharing;
-  }
-  if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
-  if (!scene.to_fetch) handshake.feature_bits &= ~std::uint64_t{link::kFeatureScene};
-  if (!limits.keeps_marks) handshake.feature_bits &= ~std::uint64_t{link::kFeatureUndo};
-  if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
+std::uint64_t features_of(const ServerConfig& config, const slave::SlaveLimits& limits, bool knows_state,
+                          const ServedScene& scene, std::size_t scenes) {
+  std::uint64_t bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
+  if (config.share == Share::kOneTip) bits |= link::kFeatureSharing;
+  if (!limits.has_particle) bits &= ~std::uint64_t{link::kFeatureParticle};
+  if (!scene.to_fetch) bits &= ~std::uint64_t{link::kFeatureScene};
+  if (!limits.keeps_marks) bits &= ~std::uint64_t{link::kFeatureUndo};
+  if (!has_well(limits)) bits &= ~std::uint64_t{link::kFeatureWell};
+  if (scenes < 2) bits &= ~std::uint64_t{link::kFeatureSceneSwitch};
   // A log of steps asks for a slave whose state they make.
   constexpr std::uint64_t kLogs = link::kFeatureStepLog | link::kFeatureSharedLog;
-  if (!knows_state) handshake.feature_bits &= ~kLogs;
-  if (config.share != Share::kOneTip) handshake.feature_bits &= ~std::uint64_t{link::kFeatureSharedLog};
-  handshake.rate_max_hz = limits.rate_max_hz;
+  if (!knows_state) bits &= ~kLogs;
+  if (config.share != Share::kOneTip) bits &= ~std::uint64_t{link::kFeatureSharedLog};
+  return bits;
+}
+
+link::ServerHandshakeConfig handshake_config(const ServerConfig& config, std::uint64_t feature_bits,
+                                             std::uint32_t rate_max_hz) {
+  link::ServerHandshakeConfig handshake;
+  handshake.secret = config.secret;
+  handshake.feature_bits = feature_bits;
+  if (config.share == Share::kOneTip) handshake.required_bits = link::kFeatureSharing;
+  handshake.rate_max_hz = rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
   handshake.openings_per_s = config.openings_per_s;
   handshake.openings_per_party_s = std::min(config.openings_per_party_s, config.openings_per_s);
@@ -111,13 +119,41 @@ link::SceneName scene_name(const std::string& text) noexcept {
   return name;
 }
 
-Server::Server(const ServerConfig& config, ServedScene scene)
+std::vector<Server::Offered> Server::offered(const ServerConfig& config, std::vector<ServedScene> scenes) {
+  if (scenes.empty()) throw UserError("a server needs a scene");
+  if (scenes.size() > 1 && config.share == Share::kOneTip)
+    throw UserError(
+        "several scenes need a tip for each session: leave out --share one-tip, or serve one scene");
+  if (scenes.size() > 1 && config.checkpoints != nullptr)
+    throw UserError("--checkpoint: keeps sessions of one scene; serve one scene, or leave it out");
+  require_apart(scenes);
+  std::vector<Offered> all;
+  for (ServedScene& scene : scenes) {
+    Offered one;
+    one.spare = first_slave(scene);
+    one.limits = one.spare->limits();
+    one.feature_bits = features_of(config, one.limits, one.spare->state_hash() != 0, scene, scenes.size());
+    one.scene = std::move(scene);
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+namespace {
+std::vector<ServedScene> only(ServedScene scene) {
+  std::vector<ServedScene> one;
+  one.push_back(std::move(scene));
+  return one;
+}
+}  // namespace
+
+Server::Server(const ServerConfig& config, ServedScene scene) : Server(config, only(std::move(scene))) {}
+
+Server::Server(const ServerConfig& config, std::vector<ServedScene> scenes)
     : config_(config),
-      scene_(std::move(scene)),
-      spare_(first_slave(scene_)),
-      limits_(spare_->limits()),
+      scenes_(offered(config, std::move(scenes))),
       table_(table_of(config), config.secret),
-      handshake_(handshake_config(config, limits_, spare_->state_hash() != 0, scene_)),
+      handshake_(handshake_config(config, scenes_[0].feature_bits, scenes_[0].limits.rate_max_hz)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       records_(table_.capacity()),
       parties_(config.work.enforced ? table_.capacity() + 1 : 0),
@@ -133,10 +169,13 @@ Server::Server(const ServerConfig& config, ServedScene scene)
   behind_.reserve(table_.capacity());
   if (shared()) {
     if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
-    make_tip(0, 0);
-  } else if (scene_.one_tip_only) {
+    make_tip(0, 0, 0);
+    return;
+  }
+  for (const Offered& one : scenes_) {
+    if (!one.scene.one_tip_only) continue;
     throw UserError(
-        "the scene '" + text_of(scene_.name) +
+        "the scene '" + text_of(one.scene.name) +
         "' has only one tip: it cannot be private to each session; serve it with --share one-tip");
   }
 }
@@ -165,6 +204,10 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
       return on_snapshot_request(incoming_.snapshot_request, from, now_ns, out);
     case link::MessageType::kSceneRequest:
       return on_scene_request(incoming_.scene_request, from, now_ns, out);
+    case link::MessageType::kSceneListRequest:
+      return on_scene_list_request(incoming_.scene_list_request, from, now_ns, out);
+    case link::MessageType::kSceneSwitch:
+      return on_scene_switch(incoming_.scene_switch, from, now_ns, out);
     case link::MessageType::kBye:
       on_bye(incoming_.bye, from, now_ns);
       return 0;
@@ -173,14 +216,15 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
   }
 }
 
-bool Server::make_tip(std::size_t slot, std::int64_t now_ns) noexcept {
+bool Server::make_tip(std::size_t slot, std::size_t scene, std::int64_t now_ns) noexcept {
   Tip& tip = tips_[slot];
   tip = {};
-  if (spare_) {
-    tip.slave = std::move(spare_);
+  Offered& of = scenes_[scene];
+  if (of.spare) {
+    tip.slave = std::move(of.spare);
   } else {
     try {
-      tip.slave = scene_.make_slave();
+      tip.slave = of.scene.make_slave();
     } catch (...) {  // out of memory, or a scene file that has vanished: no session, but those that run go on
       tip.slave = nullptr;
     }
@@ -207,8 +251,9 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.timeout_ms =
       static_cast<std::uint32_t>(std::max<std::int64_t>(table_.config().timeout_ns / 1'000'000, 1));
   w.slave_rate_max_hz = limits.rate_max_hz;
-  w.scene_name = scene_.name;
-  w.scene_hash = scene_.hash;
+  const ServedScene& scene = scene_of(slot).scene;
+  w.scene_name = scene.name;
+  w.scene_hash = scene.hash;
   w.workspace_min_w_nm = limits.workspace_min_w_nm;
   w.workspace_max_w_nm = limits.workspace_max_w_nm;
   // Resuming must not be felt: go on at the command that the slave holds, with its force.
@@ -219,7 +264,7 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.coupling_damping_n_s_m = limits.coupling_damping_n_s_m;
   if ((session.feature_bits & link::kFeatureWell) != 0 && has_well(limits)) w.well_aj = limits.well_aj;
   if (logs_steps(session)) w.steps = step_report(slot);
-  if ((session.feature_bits & link::kFeatureScene) != 0 && scene_.to_fetch) w.scene = scene_.to_fetch->offer;
+  if ((session.feature_bits & link::kFeatureScene) != 0 && scene.to_fetch) w.scene = scene.to_fetch->offer;
   return codec_.encode(w, out);
 }
 
@@ -255,6 +300,13 @@ OpeningBudget& Server::party_opening(const net::Address& from, const net::Standi
   return party_openings_[party_of(from, standing.identity) % kPartyOpenings];
 }
 
+/// For a slave that was made since then.
+void Server::charge_opening(OpeningBudget& party, std::int64_t begin_ns) noexcept {
+  const std::int64_t taken_ns = clock_ != nullptr ? std::min(clock_->now_ns() - begin_ns, kOpeningMostNs) : 0;
+  openings_.charge(taken_ns);
+  party.charge(taken_ns);
+}
+
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
                              std::span<std::uint8_t> out, const net::Standing& standing,
                              bool others) noexcept {
@@ -286,17 +338,14 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   if (verdict.kind == Kind::kOpen) {
     const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;
     forget(verdict.slot, now_ns);  // a silent session may have given up its slot
-    if (!shared() && !make_tip(verdict.slot, now_ns)) {
+    if (!shared() && !make_tip(verdict.slot, 0, now_ns)) {
       table_.release(verdict.slot);
       verdict.kind = Kind::kRefuse;
       verdict.cause = DropCause::kFull;
       verdict.refuse = {hello.nonce, link::RefuseReason::kFull, link::kProtocolVersion,
                         link::kProtocolVersion};
     }
-    const std::int64_t taken_ns =
-        clock_ != nullptr ? std::min(clock_->now_ns() - begin_ns, kOpeningMostNs) : 0;
-    openings_.charge(taken_ns);
-    party.charge(taken_ns);
+    charge_opening(party, begin_ns);
   }
   settle_cap();
   if (verdict.cause != DropCause::kNone) drops_.add(verdict.cause);
@@ -316,6 +365,8 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       break;
     case Kind::kResume:
       records_[verdict.slot].control.begin_session();
+      table_[verdict.slot].feature_bits = link::ServerHandshake::granted(table_[verdict.slot].wanted_bits,
+                                                                         scene_of(verdict.slot).feature_bits);
       holder_.resume_session(verdict.slot);
       begin_log(verdict.slot);
       // What its log still holds was anchored before it takes up its position anew.
@@ -430,11 +481,8 @@ void Server::note_address(std::size_t slot, const net::Address& from, std::int64
 std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
                                         std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
   const std::size_t slot = table_.find(request.session_id);
-  if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
-  const link::Session& session = table_[slot];
-  if (!link::is_same_peer(session.peer, peer_key(from)) || session.owner != standing_.identity)
-    return drop(DropCause::kUnauthenticated);
-  if (session.state != link::SlotState::kActive || !logs_steps(session)) return drop(DropCause::kUnexpected);
+  const DropCause cause = why_not_own(slot, from, link::kFeatureStepLog);
+  if (cause != DropCause::kNone) return drop(cause);
   link::FrozenState& frozen = records_[slot].frozen;
   if (request.snapshot != frozen.id) {
     if (frozen.id != 0 && now_ns - frozen.at_ns < kFreezeEveryNs) return drop(DropCause::kRateLimited);
@@ -448,7 +496,7 @@ std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, co
   }
   link::SnapshotPiece piece;
   if (!frozen.piece(request.piece, piece)) return drop(DropCause::kOutOfRange);
-  piece.session_id = session.session_id;
+  piece.session_id = request.session_id;
   return codec_.encode(piece, out);
 }
 
@@ -456,13 +504,9 @@ std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, co
 std::size_t Server::on_scene_request(const link::SceneRequest& request, const net::Address& from,
                                      std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
   const std::size_t slot = table_.find(request.session_id);
-  if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
-  const link::Session& session = table_[slot];
-  if (!link::is_same_peer(session.peer, peer_key(from)) || session.owner != standing_.identity)
-    return drop(DropCause::kUnauthenticated);
-  if (session.state != link::SlotState::kActive || (session.feature_bits & link::kFeatureScene) == 0)
-    return drop(DropCause::kUnexpected);
-  const SceneToFetch& scene = *scene_.to_fetch;
+  const DropCause cause = why_not_own(slot, from, link::kFeatureScene);
+  if (cause != DropCause::kNone) return drop(cause);
+  const SceneToFetch& scene = *scene_of(slot).scene.to_fetch;
   const std::size_t size = scene.offer.chunk_bytes(request.chunk);
   if (request.bundle != scene.offer.name() || size == 0) return drop(DropCause::kOutOfRange);
   if (!records_[slot].scene_chunks.take(now_ns) || !scene_chunks_.take(now_ns))

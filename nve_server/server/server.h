@@ -119,6 +119,7 @@ struct ServerCounters {
   std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
   std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
   std::uint64_t undone = 0;        ///< strokes of marks taken back
+  std::uint64_t switched = 0;      ///< sessions brought to another scene
   std::uint64_t cut = 0;           ///< steps that ended before their way did, for the same reason
 
   void add(const ServerCounters& more) noexcept {
@@ -139,6 +140,7 @@ struct ServerCounters {
     deferred += more.deferred;
     cut += more.cut;
     undone += more.undone;
+    switched += more.switched;
   }
 };
 
@@ -153,6 +155,9 @@ class Server {
   /// Throws UserError for a scene that cannot be shared so (a shared tip has one worker), RunError if it
   /// makes no slave.
   Server(const ServerConfig& config, ServedScene scene);
+  /// Several, at least one, all with hashes of their own: a session begins in the first, and its station may have
+  /// another. Throws UserError with a shared tip and with checkpoints too.
+  Server(const ServerConfig& config, std::vector<ServedScene> scenes);
 
   /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
   /// been proven never more than came in. With `clock` the reply carries the time taken here as hold time;
@@ -222,6 +227,7 @@ class Server {
  private:
   std::size_t drop(link::DropCause cause) noexcept;
   std::size_t logging_slot(std::uint64_t session_id) noexcept;
+  void charge_opening(OpeningBudget& party, std::int64_t begin_ns) noexcept;
   OpeningBudget& party_opening(const net::Address& from, const net::Standing& standing) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
                        std::span<std::uint8_t> out, const net::Standing& standing,
@@ -249,7 +255,17 @@ class Server {
   std::size_t welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept;
   bool shared() const noexcept { return config_.share == Share::kOneTip; }
   Tip& tip_of(std::size_t slot) noexcept { return tips_[shared() ? 0 : slot]; }
-  bool make_tip(std::size_t slot, std::int64_t now_ns) noexcept;
+  /// In this scene. False: there is no slave; what was there is gone.
+  bool make_tip(std::size_t slot, std::size_t scene, std::int64_t now_ns) noexcept;
+  std::size_t on_scene_list_request(const link::SceneListRequest& request, const net::Address& from,
+                                    std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  std::size_t on_scene_switch(const link::SceneSwitch& wish, const net::Address& from, std::int64_t now_ns,
+                              std::span<std::uint8_t> out) noexcept;
+  /// False: the other scene has no slave now, and nothing has changed.
+  bool switch_scene(std::size_t slot, std::size_t scene, std::uint64_t nonce, std::int64_t now_ns) noexcept;
+  /// Why a request beside the commands is not this session's; kNone: it is.
+  link::DropCause why_not_own(std::size_t slot, const net::Address& from,
+                              std::uint64_t feature) const noexcept;
   void note_address(std::size_t slot, const net::Address& from, std::int64_t now_ns) noexcept;
   std::size_t on_unusable_command(const link::Command& command, link::DropCause cause, std::size_t slot,
                                   std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
@@ -288,10 +304,17 @@ class Server {
   void retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexcept;
 
   ServerConfig config_;
-  ServedScene scene_;
-  std::unique_ptr<slave::Slave>
-      spare_;  ///< made first: its limits hold for all, and the first session does not wait
-  slave::SlaveLimits limits_;
+  /// A scene, and what its first slave has shown of it.
+  struct Offered {
+    ServedScene scene;
+    std::unique_ptr<slave::Slave> spare;  ///< that slave: who comes first does not wait
+    slave::SlaveLimits limits;
+    std::uint64_t feature_bits = 0;
+  };
+  static std::vector<Offered> offered(const ServerConfig& config, std::vector<ServedScene> scenes);
+  const Offered& scene_of(std::size_t slot) const noexcept { return scenes_[records_[slot].scene]; }
+
+  std::vector<Offered> scenes_;  ///< at least one; a session begins in the first
   link::SessionTable table_;
   link::ServerHandshake handshake_;
   link::Codec codec_;

@@ -30,7 +30,8 @@ std::size_t Server::post_checkpoint(std::size_t slot, CheckpointNote::Kind kind,
   SessionRecord& record = records_[slot];
   CheckpointNote note;
   note.kind = kind;
-  note.size = write_checkpoint({scene_.hash, scene_.physics}, table_[slot], tips_[slot], record, out);
+  note.size = write_checkpoint({scene_of(slot).scene.hash, scene_of(slot).scene.physics}, table_[slot],
+                               tips_[slot], record, out);
   note.token = table_[slot].resume_token;
   note.owner = table_[slot].owner;
   note.number = record.checkpoints + 1;

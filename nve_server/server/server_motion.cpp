@@ -130,7 +130,8 @@ double Server::work_left(std::size_t slot, std::int64_t now_ns) noexcept {
   PartyWork& party = party_work(slot);
   if (party.used_ns < now_ns - kPartyActiveNs) ++active_parties_;  // until poll() counts again
   party.used_ns = now_ns;
-  const double per_s = bounds.of_session(table_[slot].rate_hz, limits_.balances_per_s, table_.active());
+  const double per_s =
+      bounds.of_session(table_[slot].rate_hz, scene_of(slot).limits.balances_per_s, table_.active());
   const double of_session = records_[slot].work.left(now_ns, per_s, bounds);
   const double of_party = party.work.left(now_ns, bounds.of_party(active_parties_), bounds);
   return std::min({of_session, bounds.a_datagram, std::max(of_party, bounds.free_a_datagram)});

@@ -32,6 +32,8 @@ struct SessionRecord {
   /// Counts the sessions opened, of all workers together; one that is resumed keeps its number.
   std::uint64_t opening = 0;
 
+  std::size_t scene = 0;  ///< which of the server's scenes its tip is in
+
   // For the audit.
   bool open = false;           ///< neither ended nor forgotten
   std::uint64_t identity = 0;  ///< of its newest Hello,

@@ -34,8 +34,14 @@ bool is_streamed(const Message& message) {
   return message.name == "Command" || message.name == "Reply";
 }
 
+/// These come in the usual form only: fields in rising order, zeros left out. Protobuf never sees them.
+bool comes_in_order(const Message& message) {
+  return message.name.rfind("Snapshot", 0) == 0 || message.name.rfind("SceneList", 0) == 0 ||
+         message.name == "SceneSwitch";
+}
+
 bool has_visitor(const Message& message) {
-  return is_streamed(message) || message.name == "SnapshotRequest" || message.name == "SnapshotPiece";
+  return is_streamed(message) || comes_in_order(message);
 }
 
 /// Whether a field goes on with the run that the one before it is in.
@@ -203,7 +209,7 @@ namespace telenano::link {
 
 )";
   for (const Message& message : schema.messages) {
-    if (message.name.rfind("Snapshot", 0) == 0) continue;  // they come in the usual form only
+    if (comes_in_order(message)) continue;
     std::string to =
         "inline void to_wire(const " + message.name + "& m, wire::" + message.name + "& w) noexcept {\n";
     std::string from =

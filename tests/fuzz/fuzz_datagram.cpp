@@ -37,6 +37,12 @@ std::size_t encode_again(Codec& codec, const Incoming& in, std::span<std::uint8_
       return codec.encode(in.snapshot_request, out);
     case MessageType::kSnapshotPiece:
       return codec.encode(in.snapshot_piece, out);
+    case MessageType::kSceneListRequest:
+      return codec.encode(in.scene_list_request, out);
+    case MessageType::kSceneListEntry:
+      return codec.encode(in.scene_list_entry, out);
+    case MessageType::kSceneSwitch:
+      return codec.encode(in.scene_switch, out);
     default:
       return 0;
   }

@@ -32,7 +32,7 @@ struct Said {
 class World {
  public:
   World()
-      : server_(config(), spring_scene()),
+      : server_(config(), scenes()),
         stations_{link::ClientSession(client(1)), link::ClientSession(client(2))} {}
 
   void run(Script script) {
@@ -51,6 +51,15 @@ class World {
     c.challenges_per_s = 50;
     c.openings_per_s = 4;
     return c;
+  }
+  static constexpr std::uint64_t kOtherScene = 0x77;
+  static std::vector<ServedScene> scenes() {
+    std::vector<ServedScene> scenes;
+    scenes.push_back(spring_scene());
+    scenes.push_back(spring_scene(nullptr, nullptr, true));
+    scenes[1].name = scene_name("with a particle");
+    scenes[1].hash = kOtherScene;
+    return scenes;
   }
   static link::ClientConfig client(std::uint64_t seed) {
     link::ClientConfig c;
@@ -123,6 +132,14 @@ class World {
           if (n > 0) keep(down_, 0, n);
         }
         break;
+      case 13: {
+        const std::uint8_t how = script.byte();
+        if (how < 64) keep(up_, from, station.make_scene_list_request(how % 4, out_));
+        if (how >= 64 && how < 192)
+          station.switch_scene(how % 2 == 0 ? kOtherScene : spring_scene().hash, now_ns_);
+        if (how >= 192) station.switch_scene(how, now_ns_);  // there is none
+        break;
+      }
       default:
         tick(station, from, script);
         break;
@@ -204,14 +221,18 @@ class World {
 
     FUZZ_CHECK(after.datagrams == before.datagrams + 1);
     FUZZ_CHECK(dropped <= 1);  // under one cause
-    const bool used = after.exchanges + after.opened + after.resumed + after.ended >
-                      before.exchanges + before.opened + before.resumed + before.ended;
+    const bool used = after.exchanges + after.opened + after.resumed + after.ended + after.switched >
+                      before.exchanges + before.opened + before.resumed + before.ended + before.switched;
     FUZZ_CHECK(dropped == 1 ? !used : used || n > 0);
     FUZZ_CHECK(n <= link::kMaxDatagramBytes);
     if (n == 0) return false;
     const auto kind = heard(std::span(out_).first(n));
     // To somebody who has not shown a cookie never more than came.
-    if (kind != link::MessageType::kReply) FUZZ_CHECK(n <= bytes.size());
+    const auto asked = static_cast<link::MessageType>(bytes.size() > 5 ? bytes[5] : 0);
+    const bool in_session =
+        asked == link::MessageType::kSceneListRequest || asked == link::MessageType::kSceneSwitch;
+    if (in_session) FUZZ_CHECK(server_.sessions().active() > 0);
+    if (kind != link::MessageType::kReply && !in_session) FUZZ_CHECK(n <= bytes.size());
     FUZZ_CHECK((kind == link::MessageType::kReply) == (after.exchanges == before.exchanges + 1));
     if (kind == link::MessageType::kReply) FUZZ_CHECK(server_.sessions().active() > 0);
     keep(down_, from, n);

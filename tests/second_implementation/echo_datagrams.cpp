@@ -35,6 +35,12 @@ std::size_t encode(Codec& codec, const Incoming& in, std::span<std::uint8_t> out
       return codec.encode(in.snapshot_request, out);
     case MessageType::kSnapshotPiece:
       return codec.encode(in.snapshot_piece, out);
+    case MessageType::kSceneListRequest:
+      return codec.encode(in.scene_list_request, out);
+    case MessageType::kSceneListEntry:
+      return codec.encode(in.scene_list_entry, out);
+    case MessageType::kSceneSwitch:
+      return codec.encode(in.scene_switch, out);
     case MessageType::kNone:
       break;
   }

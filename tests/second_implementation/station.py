@@ -6,7 +6,7 @@ import secrets
 import telenano_pb2 as pb
 from rules import LinkTimes, Received, SequenceWindow
 from wire import (BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION, FEATURE_REDUNDANCY,
-                  FEATURE_SCENE, FEATURE_SHARING, FEATURE_STEP_LOG, KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, SCENE_CHUNK_BYTES, VERSION, Drop, decode, encode, features_used, need, pack_steps,
+                  FEATURE_SCENE, FEATURE_SCENE_SWITCH, FEATURE_SHARING, FEATURE_STEP_LOG, KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, SCENE_CHUNK_BYTES, VERSION, Drop, decode, encode, features_used, need, pack_steps,
                   scene_offer, set_vector)
 
 MS = 1_000_000
@@ -50,6 +50,9 @@ class Station:
         self.asked_for = {}  # piece: when
         self.log = {}  # number: (holding, (target, length_ns, flags)), of steps that the server has not executed
         self.executed = self.made = self.told = self.again_ns = 0
+        self.switch = None  # (nonce, scene_hash) that was asked for
+        self.next_switch_ns = self.switch_backoff_ns = 0
+        self.scenes = {}  # (name, hash) by place
 
     # Handshake
 
@@ -71,6 +74,10 @@ class Station:
         if self.state == "established" and self.waits and now_ns - self.news_ns > self.silence_limit_ns():
             self.new_attempt(now_ns)
             self.state = "lost"
+        if self.state == "established" and self.switch and now_ns >= self.next_switch_ns:
+            self.next_switch_ns = now_ns + self.switch_backoff_ns
+            self.switch_backoff_ns = min(2 * self.switch_backoff_ns, 1000 * MS)
+            return encode(pb.SceneSwitch(session_id=self.welcome.session_id, nonce=self.switch[0], scene_hash=self.switch[1]))
         if self.state not in ("hello_sent", "challenged", "lost") or now_ns < self.next_hello_ns:
             return None
         self.next_hello_ns = now_ns + self.backoff_ns
@@ -83,13 +90,29 @@ class Station:
         try:
             message = decode(datagram)
             handler = {pb.Challenge: self.on_challenge, pb.Welcome: self.on_welcome, pb.Refuse: self.on_refuse,
-                       pb.Reply: self.on_reply, pb.Bye: self.on_bye, pb.SceneChunk: self.on_scene_chunk}.get(type(message))
+                       pb.Reply: self.on_reply, pb.Bye: self.on_bye, pb.SceneChunk: self.on_scene_chunk,
+                       pb.SceneListEntry: self.on_scene_entry}.get(type(message))
             need(handler is not None, "unknown_type")
             handler(message, now_ns)
             return message
         except Drop as drop:
             self.drops[drop.cause] += 1
             return None
+
+    # Another scene
+
+    def ask_scene(self, scene_hash, now_ns):
+        self.switch = secrets.randbits(64) | 1, scene_hash
+        self.next_switch_ns, self.switch_backoff_ns = now_ns, 100 * MS
+
+    def list_request(self, index):
+        return encode(pb.SceneListRequest(session_id=self.welcome.session_id, index=index))
+
+    def on_scene_entry(self, m, _now_ns):
+        need(self.alive, "unexpected")
+        need(m.session_id == self.welcome.session_id, "unknown_session")
+        need(self.welcome.feature_bits & FEATURE_SCENE_SWITCH, "unexpected")
+        self.scenes[m.index] = m.scene_name, m.scene_hash
 
     def on_challenge(self, m, now_ns):
         need(self.state in ("hello_sent", "challenged", "lost"), "unexpected")
@@ -104,8 +127,12 @@ class Station:
 
     def on_welcome(self, m, now_ns):
         need(self.welcome is None or m.session_id != self.welcome.session_id, "duplicate")
-        need(self.state in ("hello_sent", "challenged", "lost", "established") and self.nonce, "unexpected")
-        need(m.nonce == self.nonce, "unauthenticated")
+        switched = self.switch is not None and m.nonce == self.switch[0]
+        need(self.state in ("hello_sent", "challenged", "lost", "established") and (self.nonce or self.switch), "unexpected")
+        need(switched or self.nonce and m.nonce == self.nonce, "unauthenticated")
+        need(not switched or m.scene_hash == self.switch[1], "out_of_range")
+        if self.switch and m.scene_hash == self.switch[1]:
+            self.switch = None
         need(self.versions[0] <= m.version <= self.versions[1], "wrong_version")
         need(m.feature_bits & ~self.asked == 0, "out_of_range")
         need(features_used(m) & ~m.feature_bits == 0, "unexpected")
@@ -130,6 +157,9 @@ class Station:
         self.news_ns, self.waits = now_ns, False
 
     def on_refuse(self, m, now_ns):
+        if self.switch and m.nonce == self.switch[0]:
+            self.switch, self.refuse = None, m
+            return
         need(self.state in ("hello_sent", "challenged", "lost"), "unexpected")
         need(m.nonce == self.nonce, "unauthenticated")
         self.refuse = m

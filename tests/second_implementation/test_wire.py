@@ -131,7 +131,7 @@ class Causes(unittest.TestCase):
         good = golden("bye")
         for bad, expected in ((good + bytes(500), "oversize"), (good[:7], "truncated"), (b"", "truncated"),
                               (b"TLNX" + good[4:], "bad_magic"), (good[:4] + b"\2" + good[5:], "wrong_version"),
-                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x0c" + good[6:], "unknown_type"),
+                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x0f" + good[6:], "unknown_type"),
                               (good[:-1], "truncated"), (good + b"\0", "bad_length"), (golden("hello")[:400], "truncated")):
             self.assertEqual(cause(bad), expected, bad[:10])
         short_hello = b"TLNO\1\1" + struct.pack("<H", 100) + bytes([0x7A, 98]) + bytes(98)
@@ -179,7 +179,9 @@ class Causes(unittest.TestCase):
                 "welcome": {"version", "nonce", "session_id", "epoch", "timeout_ms"}, "refuse": {"nonce", "reason"},
                 "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
         zero |= {"scene_request": {"session_id", "bundle"}, "scene_chunk": {"session_id", "bundle", "data"},
-                 "snapshot_request": {"session_id", "snapshot"}, "snapshot_piece": {"session_id", "snapshot"}}
+                 "snapshot_request": {"session_id", "snapshot"}, "snapshot_piece": {"session_id", "snapshot"},
+                 "scene_list_request": {"session_id"}, "scene_switch": {"session_id", "nonce", "scene_hash"},
+                 "scene_list_entry": {"session_id", "count", "scene_hash", "scene_name"}}
         more = dict.fromkeys(("command_with_features", "command_with_recent"), {"energy_scale_aj_j", "wave_impedance_n_s_m"})
         more["welcome_with_scene"] = {"scene_sha256_0", "scene_bytes"}
         zero = {name: zero[name.partition("_with_")[0]] | more.get(name, set()) for name in VALUES}
@@ -216,8 +218,10 @@ class Causes(unittest.TestCase):
                                   (56, -math.inf, "non_finite"), (24, -1.0, None)):
             records = first[:at] + struct.pack("<d", bad) + first[at + 8:]
             self.assertEqual(self.changed("command_with_recent", recent_commands=records), expected, at)
-        self.assertEqual(self.changed("refuse", reason=5), "out_of_range")
+        self.assertEqual(self.changed("refuse", reason=6), "out_of_range")
         self.assertEqual(self.changed("bye", reason=6), "out_of_range")
+        self.assertEqual(self.changed("scene_list_entry", index=5), "out_of_range")
+        self.assertEqual(self.changed("scene_list_entry", scene_name=b"a\0b"), "out_of_range")
         self.assertEqual(self.changed("welcome", workspace_min_w_x_nm=301), "out_of_range")
         self.assertEqual(self.changed("reply_with_features", model_normal_w_x=0.76), "out_of_range")
         no_normal = dict.fromkeys(("model_normal_w_x", "model_normal_w_y", "model_normal_w_z"), 0)

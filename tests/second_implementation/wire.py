@@ -15,7 +15,8 @@ VERSION = 1
 MAX_BYTES = 512
 HEADER = struct.Struct("<4sBBH")
 TYPES = {1: pb.Hello, 2: pb.Challenge, 3: pb.Welcome, 4: pb.Refuse, 5: pb.Command, 6: pb.Reply, 7: pb.Bye,
-         8: pb.SceneRequest, 9: pb.SceneChunk, 10: pb.SnapshotRequest, 11: pb.SnapshotPiece}
+         8: pb.SceneRequest, 9: pb.SceneChunk, 10: pb.SnapshotRequest, 11: pb.SnapshotPiece,
+         12: pb.SceneListRequest, 13: pb.SceneListEntry, 14: pb.SceneSwitch}
 NUMBER = {cls: number for number, cls in TYPES.items()}
 ANY_VERSION = (pb.Hello, pb.Refuse)
 SCENE_NAME_BYTES = 48
@@ -24,8 +25,8 @@ SNAPSHOT_PIECE_BYTES = 432
 STEPS_BYTES = range(10, 301)
 
 globals().update({f"FEATURE_{name}": 1 << bit for name, bit in schema.Feature.items()})
-#: station.py and server.py do not ask for the log of steps or for undo, nor grant them; they know it on the wire.
-KNOWN_FEATURES = sum(1 << bit for name, bit in schema.Feature.items() if name not in ("STEP_LOG", "SHARED_LOG", "UNDO"))
+#: station.py and server.py do not ask for the log of steps, for undo or for another scene by themselves, nor grant them.
+KNOWN_FEATURES = sum(1 << bit for name, bit in schema.Feature.items() if name not in ("STEP_LOG", "SHARED_LOG", "UNDO", "SCENE_SWITCH"))
 
 
 def feature_fields():
@@ -156,7 +157,7 @@ def varint(payload, at):
     return value & 0x7F | payload[at + 1] << 7, at + 2
 
 
-IN_ORDER = (pb.SnapshotRequest, pb.SnapshotPiece)
+IN_ORDER = (pb.SnapshotRequest, pb.SnapshotPiece, pb.SceneListRequest, pb.SceneListEntry, pb.SceneSwitch)
 
 
 def steps(data):
@@ -244,6 +245,7 @@ def scan(payload, cls):
             whole = size > 0 and size % RECENT.size == 0 and size <= MAX_RECENT * RECENT.size
             whole = size in STEPS_BYTES if field == 41 else whole
             need(cls is not pb.Command or whole, "malformed_field")
+            need(cls is not pb.SceneListEntry or 1 <= size <= SCENE_NAME_BYTES, "malformed_field")
             need(cls is not pb.SnapshotPiece or 1 <= size <= SNAPSHOT_PIECE_BYTES, "malformed_field")
         else:
             size = SIZE[wire]
@@ -305,7 +307,7 @@ CHECKS = {
     pb.Hello: lambda m: 1 <= m.version_min <= m.version_max and m.nonce,
     pb.Challenge: lambda m: m.nonce and m.cookie,
     pb.Welcome: check_welcome,
-    pb.Refuse: lambda m: m.nonce and 1 <= m.reason <= 4 and 1 <= m.version_min <= m.version_max,
+    pb.Refuse: lambda m: m.nonce and 1 <= m.reason <= 5 and 1 <= m.version_min <= m.version_max,
     pb.Command: check_command,
     pb.Reply: check_reply,
     pb.Bye: lambda m: m.session_id and 1 <= m.reason <= 5,
@@ -313,4 +315,7 @@ CHECKS = {
     pb.SnapshotPiece: lambda m: m.session_id and m.snapshot,
     pb.SceneRequest: lambda m: m.session_id and m.bundle,
     pb.SceneChunk: lambda m: m.session_id and m.bundle and m.data,
+    pb.SceneListRequest: lambda m: m.session_id,
+    pb.SceneListEntry: lambda m: m.session_id and m.scene_hash and m.index < m.count and 0 not in m.scene_name and m.scene_name,
+    pb.SceneSwitch: lambda m: m.session_id and m.nonce and m.scene_hash,
 }

@@ -22,6 +22,7 @@
 #include "telenano/master/app/plan/station_plan.h"
 #include "telenano/master/app/plan/touch_forecast.h"
 #include "telenano/master/app/run/scene_wait.h"
+#include "telenano/master/app/run/server_scene.h"
 #include "telenano/master/app/stop_signals.h"
 #include "telenano/master/connection/connect.h"
 #include "telenano/master/device/sim_device.h"
@@ -48,6 +49,7 @@ struct PlanOptions : connection::ServerAccess {
   std::optional<std::string> method;
   std::optional<double> rtt_ms;
   Workspaces workspaces;
+  std::string server_scene;
   bool felt = false;
   std::optional<double> compand;
   std::string plot;
@@ -56,7 +58,8 @@ struct PlanOptions : connection::ServerAccess {
 /// What is planned for: a slave, and the way to it.
 struct Far {
   config::SlaveLimits slave;
-  LinkDelay link;  ///< sent = 0: given, not measured
+  LinkDelay link;                   ///< sent = 0: given, not measured
+  std::vector<SceneChoice> scenes;  ///< of a server with several
   // With --felt:
   std::optional<TouchForecast> touch;
   std::string no_touch;   ///< why there is no forecast
@@ -92,7 +95,13 @@ void validate(const PlanOptions& options) {
         "telenano-nve check --limits)");
   }
   if (options.felt && options.server.empty())
+<<<<<<< HEAD
     throw UserError("--felt needs --server: it uses the server's sample, and a --limits file contains none");
+=======
+    throw UserError("--felt needs --server: the sample is the server's; --limits holds none");
+  if (!options.server_scene.empty() && options.server.empty())
+    throw UserError("--server-scene needs --server: it is one of the server's");
+>>>>>>> scenes
   if (options.compand && !options.felt)
     throw UserError("--compand needs --felt: it acts on the sample's forces");
   if (options.rtt_ms && !(*options.rtt_ms >= 0 && *options.rtt_ms <= 60'000))
@@ -156,6 +165,11 @@ Far ask_server(const PlanOptions& options, const StationFile& file) {
   connection::connect(session, way, server, rate_hz, options, stop);
   const connection::Farewell farewell(session, way.datagram(), server);
   Far far;
+  loop::ScenePipe none;
+  loop::ScenePipe& pipe = keeper ? keeper->pipe() : none;
+  far.scenes = list_scenes(session, way, server, pipe, stop);
+  if (!options.server_scene.empty())
+    choose_scene(session, way, server, pipe, options.server_scene, far.scenes, stop);
   far.slave = slave_limits(session.welcome());
   if (!options.rtt_ms) {
     far.link = measure_link(session, way, server, rate_hz,
@@ -204,6 +218,8 @@ void print_table(const StationFile& file, const Far& far, const control::Scaling
   const auto word = [](const char* key, const std::string& value) { fmt::print("{},{},\n", key, value); };
   std::puts("key,value,unit");
   word("method", std::string(control::method_name(in.method)));
+  for (std::size_t i = 0; i < far.scenes.size(); ++i)
+    word(fmt::format("scene_{}", i + 1).c_str(), far.scenes[i].name);
   row("rate", file.station.rate_hz, "Hz");
   row("device_damping", in.plant.device_damping_n_s_m, "N s/m");
   row("device_force_max", in.device_force_max_n, "N");
@@ -395,8 +411,18 @@ void add_plan_command(CLI::App& app) {
   CLI::App* const command = app.add_subcommand(
       "plan", "Plan the scaling for this station, link and slave, with reasons: CSV, text, a picture");
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
+<<<<<<< HEAD
   command->add_option("--server", options->server,
                       "HOST:PORT of telenano-nve serve: its limits are used and the round trip is measured");
+=======
+  command->add_option(
+      "--server", options->server,
+      "HOST:PORT of telenano-nve serve: plan asks it for its limits and measures the round trip");
+  command
+      ->add_option("--server-scene", options->server_scene,
+                   "Of a server with several scenes, the one of this name (default: its first); rows scene_*")
+      ->type_name("NAME");
+>>>>>>> scenes
   command->add_option("--limits", options->limits,
                       "Instead of --server: limits of a slave, written by telenano-nve check --limits");
   command

@@ -19,6 +19,7 @@ void SessionTender::turn() noexcept {
     const auto event = session_.on_datagram(std::span<const std::uint8_t>(buffer_).first(received.size),
                                             clock_.now_ns() - received.age_ns);
     if (event == link::ClientEvent::kSceneChunk) pipe_.take(session_.incoming().scene_chunk);
+    if (on_event) on_event(event);
   }
   if (const std::int64_t now_ns = clock_.now_ns(); now_ns >= next_ns_) {
     link::Command command;

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <thread>
 
 #include "telenano/common/link/client_session.h"
@@ -25,6 +26,8 @@ class SessionTender {
 
   /// What is due now.
   void turn() noexcept;
+  /// Hears of each datagram that comes; empty: nobody does.
+  std::function<void(link::ClientEvent)> on_event;
 
  private:
   link::ClientSession& session_;

@@ -22,6 +22,21 @@ std::vector<std::string> words_of_this_run() {
   return words;
 }
 
+/// In place of the one that was chosen before.
+void choose_scene(std::vector<std::string>& words, const std::string& server_scene) {
+  const std::string flag = "--server-scene";
+  for (std::size_t i = 0; i < words.size();) {
+    const bool apart = words[i] == flag && i + 1 < words.size();
+    if (!apart && !words[i].starts_with(flag + "=")) {
+      ++i;
+      continue;
+    }
+    words.erase(words.begin() + static_cast<std::ptrdiff_t>(i),
+                words.begin() + static_cast<std::ptrdiff_t>(i + (apart ? 2 : 1)));
+  }
+  words.insert(words.end(), {flag, server_scene});
+}
+
 void become(std::vector<std::string> words, std::string& why) {
   std::vector<char*> pointers;
   pointers.reserve(words.size() + 1);
@@ -34,7 +49,8 @@ void become(std::vector<std::string> words, std::string& why) {
 
 }  // namespace
 
-std::vector<std::string> words_of_next_run(std::vector<std::string> words) {
+std::vector<std::string> words_of_next_run(std::vector<std::string> words, const std::string& server_scene) {
+  if (!server_scene.empty()) choose_scene(words, server_scene);
   const std::string flag = "--record";
   if (std::find(words.begin(), words.end(), "--overwrite") != words.end()) return words;
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -51,7 +67,7 @@ NextRun::NextRun() : words_(words_of_this_run()) {
   thread_ = std::jthread([this] {
     wish_.wait(Wish::kNone);
     if (wish_ != Wish::kBegin) return;
-    become(words_of_next_run(words_), why_);
+    become(words_of_next_run(words_, server_scene_), why_);
     failed_ = true;
     failed_.notify_all();
   });

@@ -21,7 +21,8 @@ struct RunOptions : connection::ServerAccess {
   std::optional<double> depth_nm;
   std::optional<double> rate_hz;
   std::optional<std::string> method;
-  std::string scene;  ///< of the twin; empty: none
+  std::string scene;         ///< of the twin; empty: none
+  std::string server_scene;  ///< of the server's several; empty: the one that it begins with
   std::optional<double> velocity_scale;
   std::optional<double> force_scale;
   std::optional<double> compand;

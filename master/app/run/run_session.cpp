@@ -39,6 +39,7 @@
 #include "telenano/master/app/run/run_recorder.h"
 #include "telenano/master/app/run/run_text.h"
 #include "telenano/master/app/run/scene_wait.h"
+#include "telenano/master/app/run/server_scene.h"
 #include "telenano/master/app/run/session_file.h"
 #include "telenano/master/app/run/twin_cost.h"
 #include "telenano/master/app/station_file.h"
@@ -343,6 +344,12 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
   return twins;
 }
 
+std::vector<std::string> scene_names(const std::vector<SceneChoice>& scenes) {
+  std::vector<std::string> names;
+  for (const SceneChoice& scene : scenes) names.push_back(scene.name);
+  return names;
+}
+
 /// One line of what takes the twin's place, and why.
 void tell_no_twin(const std::string& why, bool wanted) {
   fmt::print(stderr, "note: no twin, {}: {}\n",
@@ -470,6 +477,12 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const net::Address server = servers.address();
   farewell.emplace(*opened_session, way.datagram(), server);
   const bool resumed = opened_session->resumed_unknown_account();
+  const std::vector<SceneChoice> scenes = list_scenes(*opened_session, way, server, scene.pipe(), stop);
+  if (!scenes.empty() && !options.quiet)
+    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
+               names_of(scenes));
+  if (!options.server_scene.empty())
+    choose_scene(*opened_session, way, server, scene.pipe(), options.server_scene, scenes, stop);
   const LinkDelay link =
       measure_link(*opened_session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
@@ -594,8 +607,8 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     live.follow_scaling({input, config.scaling.force});
   }
   if (view_model::ViewRequestHandler* const requests =
-          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
-                      options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
+          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, scene_names(scenes),
+                      options.server, options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
                       newest_ground(scene, station), options.practice}))
     live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
@@ -688,7 +701,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
           view.run(live, !thread.report().fifo,
                    {look, session_end, [&stop] { return stop.load(); },
                     [&recorder]() -> const recording::Recorder* { return recorder.get(); }, begin_recording});
-      if (view.again_wanted()) next->ask();
+      if (view.again_wanted()) next->ask(view.next_scene());
     }
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));

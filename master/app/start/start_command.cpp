@@ -117,6 +117,7 @@ int start(const StartFlags& flags) {
     choice.identity = flags.identity;
     choice.server_key = flags.server_key;
   }
+  choice.server_scene = flags.server_scene;
   if (!flags.device.empty()) choice.device = flags.device;
   choice.text_size = flags.text_size;
   viewer::StartFacts facts;
@@ -133,6 +134,8 @@ int start(const StartFlags& flags) {
   hooks.each = [&](const view_model::StartChoice& now) {
     if (question.poll(facts)) {
       const view_model::StartChoice& asked = question.asked();
+      facts.scenes = facts.plan ? facts.plan->scenes : std::vector<std::string>();
+      facts.scenes_of = asked.server;
       recent.note(
           {asked.server, asked.key, facts.plan ? facts.plan->scene : "", asked.identity, asked.server_key});
       list_seen();

@@ -14,6 +14,7 @@ struct StartFlags {
   std::string key;
   std::string identity;
   std::string server_key;
+  std::string server_scene;
   std::string device;
   double text_size = 1;
 };

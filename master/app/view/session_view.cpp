@@ -166,6 +166,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   // From the border of the box to its middle, and until what rounds the corners has died away.
   facts.hand_back_s = facts.hand_half_m * std::sqrt(3.0) / hand.speed_max_m_s + 5 * hand.smooth_s;
   facts.recording = session.recording;
+  facts.scenes = session.scenes;
   facts.hand_box_half_m = session.device_half_m;
   for (const SimTask& task : session.tasks)
     facts.tasks.push_back({task.name, task.about, task.reach_nm, task.free});
@@ -271,9 +272,10 @@ std::string SessionView::draw(const viewer::ViewHooks& hooks, const RealTimeSess
                        [&live] { return live.progress().time_s; });
     return "picture: " + options_.screenshot;
   }
-  const auto [frames, again] =
+  const auto [frames, again, scene] =
       viewer::run_window(*parts_->window, parts_->facts, std::move(*parts_->ground), port_, hooks);
   again_ = again;
+  next_scene_ = scene;
   parts_->window.reset();  // what is left to do needs no picture
   return fmt::format(
       "viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99){}", frames.count(),

@@ -62,6 +62,7 @@ struct ViewedSession {
   const config::SlaveLimits& slave;
   std::uint64_t feature_bits = 0;
   int delay_samples = 0;
+  std::vector<std::string> scenes;  ///< that the server has; empty: one only
   std::string server;
   std::string recording;              ///< file; empty: none
   std::vector<SimTask> tasks;         ///< of a simulated hand, by number
@@ -105,6 +106,8 @@ class SessionView {
   view_model::ViewRequestHandler* begin(const ViewedSession& session);
   /// After run(): a person wants the same session once more.
   bool again_wanted() const noexcept { return again_; }
+  /// With it: at this sample of the server; empty: at the same one.
+  const std::string& next_scene() const noexcept { return next_scene_; }
   struct Callbacks {
     std::function<void()> each;                            ///< every now and then, while the session runs
     std::function<view_model::SessionEnd()> session_end;   ///< once it is over; not asked of a photograph
@@ -126,6 +129,7 @@ class SessionView {
   bool window_ = false;
   bool photo_ = false;
   bool again_ = false;
+  std::string next_scene_;
   view_model::ViewPort port_;
   rt::LatestValue<device::PointerState> pointer_;
   std::unique_ptr<view_model::ViewRequestHandler> requests_;

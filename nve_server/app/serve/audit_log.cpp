@@ -50,6 +50,8 @@ const char* name_of_kind(Kind kind) noexcept {
       return "tip taken";
     case Kind::kTipLeft:
       return "tip left";
+    case Kind::kSwitched:
+      return "scene switched";
     case Kind::kFault:
       return "fault";
   }
@@ -66,6 +68,8 @@ const char* refusal_name(std::uint32_t reason) noexcept {
       return "rate";
     case link::RefuseReason::kShuttingDown:
       return "server stops";
+    case link::RefuseReason::kScene:
+      return "no such scene";
   }
   return "unknown";
 }

@@ -105,7 +105,7 @@ class StatusPrinter {
 };
 
 struct ServeOptions {
-  std::string scene;
+  std::vector<std::string> scenes;
   std::string surfaces;
   std::string listen = "127.0.0.1:5100";
   std::size_t max_sessions = 64;
@@ -131,10 +131,49 @@ struct ServeOptions {
   std::string dscp = "ef";
   ServeSecurity security;
   ServeAfm afm;
+
+  /// The one that sessions begin in; empty: none was given.
+  std::string scene() const { return scenes.empty() ? "" : scenes.front(); }
 };
 
+/// What is kept, shared or shown of one scene only.
+void check_several(const ServeOptions& options) {
+  if (options.scenes.size() < 2) return;
+  if (options.afm.wanted())
+    throw UserError(
+        "--scene: given several times, but an AFM has one sample: the one under its tip; leave it out");
+  if (options.share == "one-tip")
+    throw UserError(
+        "--share one-tip: with several --scene each session has a tip of its own; serve one scene, or leave "
+        "this out");
+  if (!options.checkpoints.empty())
+    throw UserError("--checkpoint: keeps sessions of one scene; serve one --scene, or leave this out");
+  if (!options.web.empty()) throw UserError("--web: shows one scene; serve one --scene, or leave this out");
+}
+
+std::vector<server::ServedScene> load_scenes(const ServeOptions& options, const SceneLoader& load_scene) {
+  std::vector<server::ServedScene> scenes;
+  for (const std::string& scene : options.scenes) scenes.push_back(load_scene(scene, options.surfaces));
+  return scenes;
+}
+
+/// What a session may be silent for: the least that one of the scenes asks for.
+std::uint32_t timeout_of(const std::vector<server::ServedScene>& scenes) {
+  std::uint32_t least_ms = scenes.front().timeout_ms;
+  for (const server::ServedScene& scene : scenes) least_ms = std::min(least_ms, scene.timeout_ms);
+  return least_ms;
+}
+
+/// For the log: what is served.
+std::string names_of(const ServeOptions& options) {
+  std::string names = options.afm.served(options.scene());
+  for (std::size_t i = 1; i < options.scenes.size(); ++i) names += ", " + options.scenes[i];
+  return names;
+}
+
 void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeights& heights) {
-  options.afm.check(options.scene, options.share, options.workers);
+  check_several(options);
+  options.afm.check(options.scene(), options.share, options.workers);
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   if (!options.local_rights.empty() && options.security.is_secure())
@@ -188,23 +227,28 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
         health_pages(workers.loops(), options.max_sessions, signals, clock));
     log->info("metrics at {}", exporter->url());
   }
-  server::ServedScene scene;
+  std::vector<server::ServedScene> scenes;
   try {
-    scene = options.afm.wanted()
-                ? options.afm.start(clock, signals.stop,
-                                    [log](const std::string& text) { log->info("afm: {}", text); })
-                : load_scene(options.scene, options.surfaces);
+    if (options.afm.wanted()) {
+      scenes.push_back(options.afm.start(clock, signals.stop,
+                                         [log](const std::string& text) { log->info("afm: {}", text); }));
+    } else {
+      scenes = load_scenes(options, load_scene);
+    }
   } catch (const StoppedWhileLoading&) {
     log->info("stopped while the scene was loaded");
     return;
   }
-  if (options.no_scene_sharing) {
+  for (server::ServedScene& scene : scenes) {
+    if (!options.no_scene_sharing) break;
     scene.to_fetch.reset();
     scene.why_no_fetch = "--no-scene-sharing";
   }
+  // What is kept, shared or shown is of one scene only (check_several).
+  server::ServedScene& scene = scenes.front();
   server::ServerConfig config;
   config.secret = fresh_secret();
-  const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
+  const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{timeout_of(scenes)};
   config.table.timeout_ns = timeout_ms * 1'000'000;
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   const bool one_tip = options.share == "one-tip" || (options.share.empty() && scene.one_tip_only);
@@ -225,7 +269,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
                                             &signals.drain},
                    workers.mail());
   }
-  workers.prepare(options.security, config, scene, keeper ? &*keeper : nullptr);
+  workers.prepare(options.security, config, scenes, keeper ? &*keeper : nullptr);
   if (keeper) keeper->start();
   prepared.store(true, std::memory_order_release);
   const bool secure = options.security.is_secure();
@@ -234,8 +278,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   if (!options.audit.empty()) {
     audit.emplace(options.audit, workers.audit_queues(), secure ? options.security.key_list_path() : "",
                   workers.grant_names(), clock, [log](const std::string& text) { log->warn(text); });
-    audit->start(
-        {options.afm.wanted() ? "an AFM" : options.scene, net::to_string(workers.local()), secure, one_tip});
+    audit->start({names_of(options), net::to_string(workers.local()), secure, one_tip});
   }
   std::optional<web::WebView> web_view;
   if (tip_slots) {
@@ -252,14 +295,16 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     web_view.emplace(std::move(web_config));
   }
 
-  log->info("serving {} on {}{}{}{}", options.afm.served(options.scene), net::to_string(workers.local()),
+  log->info("serving {} on {}{}{}{}", names_of(options), net::to_string(workers.local()),
             secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
             options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
-  if (scene.to_fetch)
-    log->info("stations may fetch the scene: {} bytes, {:016x}", scene.to_fetch->offer.bytes,
-              scene.to_fetch->offer.name());
-  else if (!scene.why_no_fetch.empty())
-    log->info("stations cannot fetch the scene: {}", scene.why_no_fetch);
+  for (const server::ServedScene& one : scenes) {
+    if (one.to_fetch)
+      log->info("stations may fetch the scene: {} bytes, {:016x}", one.to_fetch->offer.bytes,
+                one.to_fetch->offer.name());
+    else if (!one.why_no_fetch.empty())
+      log->info("stations cannot fetch the scene: {}", one.why_no_fetch);
+  }
   log->info("{}", buffer_text(workers.receive_buffer_bytes()));
   std::optional<rt::CpuAwake> awake;
   if (options.low_latency) {
@@ -324,6 +369,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   if (counters.deferred > 0 || counters.cut > 0)
     log->info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",
               counters.deferred, counters.cut);
+  if (counters.switched > 0) log->info("{} times a session went to another scene", counters.switched);
   if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
   if (secure) log->info("channels: {}", workers.channels_text());
   if (workers.refused_local_users() > 0)
@@ -336,9 +382,20 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve a scene to stations over UDP");
   command
+<<<<<<< HEAD
       ->add_option("--scene", options->scene,
                    "Scene for --slave nve: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->type_name(config::kSceneOrFile);
+=======
+      ->add_option("--scene", options->scenes,
+                   "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, "
+                   "e.g. flakes. Several times: a session begins in the first, and its station may choose "
+                   "another")
+      ->type_name(config::kSceneOrFile)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->allow_extra_args(false);
+>>>>>>> scenes
   options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT to listen on; port 0: any free port")
       ->capture_default_str();

@@ -46,7 +46,7 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
 }
 
 void Workers::prepare(const ServeSecurity& security, const server::ServerConfig& base,
-                      const server::ServedScene& scene, CheckpointKeeper* keeper) {
+                      const std::vector<server::ServedScene>& scenes, CheckpointKeeper* keeper) {
   if (config_.local_users) {
     for (const LocalUserList::User& user : config_.local_users->users)
       grant_names_->note(user.identity, "user " + user.name);
@@ -85,7 +85,7 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     }
     if (workers_.size() > 1) own.cap = &cap_;
     if (keeper != nullptr) own.checkpoints = &keeper->add_queue();
-    worker.server.emplace(own, scene);
+    worker.server.emplace(own, scenes);
   }
 }
 

@@ -59,7 +59,7 @@ class Workers {
 
   /// Then the channels and the servers. `base`: what they have in common. Throws UserError or RunError.
   void prepare(const ServeSecurity& security, const server::ServerConfig& base,
-               const server::ServedScene& scene, CheckpointKeeper* keeper = nullptr);
+               const std::vector<server::ServedScene>& scenes, CheckpointKeeper* keeper = nullptr);
   /// Between the loops, and with the keeper of checkpoints.
   server::WorkerMail& mail() noexcept { return mail_; }
 

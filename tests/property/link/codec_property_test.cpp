@@ -83,6 +83,12 @@ TEST(RoundTrip, SceneRequest) {
 TEST(RoundTrip, SceneChunk) {
   round_trip<SceneChunk>(any_scene_chunk, &Incoming::scene_chunk, MessageType::kSceneChunk);
 }
+TEST(RoundTrip, SceneListAndSwitch) {
+  round_trip<SceneListRequest>(any_scene_list_request, &Incoming::scene_list_request,
+                               MessageType::kSceneListRequest);
+  round_trip<SceneListEntry>(any_scene_list_entry, &Incoming::scene_list_entry, MessageType::kSceneListEntry);
+  round_trip<SceneSwitch>(any_scene_switch, &Incoming::scene_switch, MessageType::kSceneSwitch);
+}
 
 /// Command and Reply are written without Protobuf: their bytes must be Protobuf's own, whatever is in them.
 template <class Wire, class Make>
@@ -109,6 +115,11 @@ TEST(SameAsProtobuf, Reply) {
 }
 TEST(SameAsProtobuf, SceneChunk) {
   protobuf_writes_the_same<wire::SceneChunk>(any_scene_chunk, 13);
+}
+TEST(SameAsProtobuf, SceneListAndSwitch) {
+  protobuf_writes_the_same<wire::SceneListRequest>(any_scene_list_request, 14);
+  protobuf_writes_the_same<wire::SceneListEntry>(any_scene_list_entry, 15);
+  protobuf_writes_the_same<wire::SceneSwitch>(any_scene_switch, 16);
 }
 
 /// Every datagram, cut anywhere and its length mended, ends where the memory does: who reads on does not

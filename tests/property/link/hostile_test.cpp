@@ -33,7 +33,7 @@ class Attacker {
         n = link::kHeaderBytes + payload;
         fill(0, n);
         link::write_header(std::span<std::uint8_t, link::kHeaderBytes>(bytes_.data(), link::kHeaderBytes),
-                           static_cast<link::MessageType>(random_.below(9)), payload);
+                           static_cast<link::MessageType>(random_.below(12)), payload);
         break;
       }
       case 2:
@@ -75,6 +75,12 @@ class Attacker {
         return codec_.encode(link::any_scene_request(random_), bytes_);
       case 7:
         return codec_.encode(link::any_scene_chunk(random_), bytes_);
+      case 8:
+        return codec_.encode(link::any_scene_list_request(random_), bytes_);
+      case 9:
+        return codec_.encode(link::any_scene_list_entry(random_), bytes_);
+      case 10:
+        return codec_.encode(link::any_scene_switch(random_), bytes_);
       default:
         return codec_.encode(link::any_bye(random_), bytes_);
     }

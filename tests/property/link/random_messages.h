@@ -99,10 +99,29 @@ inline SceneChunk any_scene_chunk(Random& random) {
   return m;
 }
 
+inline SceneListRequest any_scene_list_request(Random& random) {
+  return {some_u64(random), any_u32(random)};
+}
+
+inline SceneListEntry any_scene_list_entry(Random& random) {
+  SceneListEntry m;
+  m.session_id = some_u64(random);
+  m.count = any_u32(random) | 1;
+  m.index = static_cast<std::uint32_t>(random.below(m.count));
+  m.scene_hash = some_u64(random);
+  const std::uint64_t n = 1 + random.below(kSceneNameBytes);
+  for (std::size_t i = 0; i < n; ++i) m.scene_name.text[i] = static_cast<char>('a' + random.below(26));
+  return m;
+}
+
+inline SceneSwitch any_scene_switch(Random& random) {
+  return {some_u64(random), some_u64(random), some_u64(random)};
+}
+
 inline Refuse any_refuse(Random& random) {
   Refuse m;
   m.nonce = some_u64(random);
-  m.reason = static_cast<RefuseReason>(1 + random.below(4));
+  m.reason = static_cast<RefuseReason>(1 + random.below(5));
   m.version_min = 1 + static_cast<std::uint32_t>(random.below(100));
   m.version_max = m.version_min + static_cast<std::uint32_t>(random.below(100));
   return m;

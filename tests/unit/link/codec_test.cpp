@@ -142,7 +142,7 @@ TEST(Codec, NamesTheCauseOfEachDrop) {
   b = datagram(MessageType::kBye, kBye);
   b[4] = 2;
   EXPECT_EQ(decode(b), DropCause::kWrongVersion);
-  EXPECT_EQ(decode(datagram(static_cast<MessageType>(12), kBye)), DropCause::kUnknownType);
+  EXPECT_EQ(decode(datagram(static_cast<MessageType>(15), kBye)), DropCause::kUnknownType);
   EXPECT_EQ(decode(datagram(MessageType::kNone, kBye)), DropCause::kUnknownType);
   EXPECT_EQ(decode(Bytes(513)), DropCause::kOversize);
   EXPECT_EQ(decode(datagram(MessageType::kHello, {0x0d, 1, 0, 0, 0})), DropCause::kBadLength) << "not padded";

@@ -18,6 +18,9 @@ void set_bytes(Message& m, GoldenBytes bytes) {
 inline void set_bytes(Welcome& m, GoldenBytes bytes) {
   std::copy(bytes.begin(), bytes.end(), m.scene_name.text.begin());
 }
+inline void set_bytes(SceneListEntry& m, GoldenBytes bytes) {
+  std::copy(bytes.begin(), bytes.end(), m.scene_name.text.begin());
+}
 /// Its steps and repeated commands are messages of their own: see GoldenMessages.
 inline void set_bytes(Command&, GoldenBytes) {}
 template <class Message>
@@ -25,6 +28,9 @@ bool same_bytes(const Message&, const Message&) {
   return true;
 }
 inline bool same_bytes(const Welcome& a, const Welcome& b) {
+  return a.scene_name == b.scene_name;
+}
+inline bool same_bytes(const SceneListEntry& a, const SceneListEntry& b) {
   return a.scene_name == b.scene_name;
 }
 template <class Piece>

@@ -136,6 +136,15 @@ inline bool same(const SnapshotRequest& a, const Incoming& in) {
 inline bool same(const SnapshotPiece& a, const Incoming& in) {
   return same(a, in.snapshot_piece);
 }
+inline bool same(const SceneListRequest& a, const Incoming& in) {
+  return same(a, in.scene_list_request);
+}
+inline bool same(const SceneListEntry& a, const Incoming& in) {
+  return same(a, in.scene_list_entry);
+}
+inline bool same(const SceneSwitch& a, const Incoming& in) {
+  return same(a, in.scene_switch);
+}
 
 /// Is what was decoded the golden message number `which` (of kGoldenNames)?
 inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_t which) {

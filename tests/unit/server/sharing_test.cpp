@@ -275,10 +275,11 @@ TEST(SharingOfferedOnlyWhereThereIsOneTip, APrivateServerDoesNotGrantIt) {
   Operator a(&server, 1001, Rights::kOperate);
   for (int i = 0; i < 20; ++i) a.tick();
   ASSERT_TRUE(a.s.client.has_session());
-  EXPECT_EQ(a.s.client.features(),
-            link::kKnownFeatures & ~(link::kFeatureSharing | link::kFeatureRedundancy |
-                                     link::kFeatureParticle | link::kFeatureWell | link::kFeatureScene |
-                                     link::kFeatureStepLog | link::kFeatureSharedLog | link::kFeatureUndo));
+  EXPECT_EQ(
+      a.s.client.features(),
+      link::kKnownFeatures & ~(link::kFeatureSharing | link::kFeatureRedundancy | link::kFeatureParticle |
+                               link::kFeatureWell | link::kFeatureScene | link::kFeatureStepLog |
+                               link::kFeatureSharedLog | link::kFeatureUndo | link::kFeatureSceneSwitch));
   EXPECT_TRUE(a.reply().tip.empty());
   // A tip_hold that was not agreed is unexpected.
   link::Command c = a.s.command;

@@ -21,6 +21,7 @@ class SpringSlave final : public slave::Slave {
     pos_w_nm_ = limits_.start_pos_w_nm;
   }
 
+  void take_at_most(std::uint32_t rate_hz) noexcept { limits_.rate_max_hz = rate_hz; }
   void set_well(double well_aj) noexcept { limits_.well_aj = well_aj; }
 
   void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {

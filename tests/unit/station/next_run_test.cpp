@@ -47,6 +47,16 @@ TEST_F(NextRunWords, OnlyTheRecordingIsAnother) {
   EXPECT_EQ(words_of_next_run({}), Words{});
 }
 
+TEST_F(NextRunWords, AnotherSampleTakesThePlaceOfTheOneBefore) {
+  using Words = std::vector<std::string>;
+  EXPECT_EQ(words_of_next_run({"m", "run", "--view"}, "flat PDMS"),
+            (Words{"m", "run", "--view", "--server-scene", "flat PDMS"}));
+  EXPECT_EQ(words_of_next_run({"m", "run", "--server-scene", "a", "--view", "--server-scene=b"}, "c"),
+            (Words{"m", "run", "--view", "--server-scene", "c"}));
+  EXPECT_EQ(words_of_next_run({"m", "run", "--server-scene", "a"}),
+            (Words{"m", "run", "--server-scene", "a"}));
+}
+
 TEST_F(NextRunWords, NotBegunItGoesSilently) {
   const NextRun next;
   EXPECT_FALSE(next.asked());

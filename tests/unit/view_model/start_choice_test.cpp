@@ -44,6 +44,15 @@ TEST(StartChoice, AKeyPairOfItsOwnGoesIntoTheSessionAndIntoItsPlan) {
   EXPECT_NE(choice_fault(choice).find("own key pair too"), std::string::npos);
 }
 
+TEST(StartChoice, ASceneOfTheServerGoesIntoTheSessionAndIntoItsPlan) {
+  StartChoice choice;
+  choice.server_scene = "flat PDMS";
+  EXPECT_EQ(run_arguments(choice), (Words{"run", "--server", "127.0.0.1:5100", "--device", "sim", "--view",
+                                          "--server-scene", "flat PDMS"}));
+  EXPECT_EQ(plan_arguments(choice), (Words{"plan", "--server", "127.0.0.1:5100", "--felt", "--method", "auto",
+                                           "--server-scene", "flat PDMS"}));
+}
+
 // What is shown is what a shell makes the same words of: asked of the shell itself.
 TEST(StartChoice, AShellReadsTheLineAsTheseWords) {
   const Words words{"run", "[::1]:5100", "a b", "it's", "$HOME", "*", "", "a\"b\\c", "m\u00fc;rm"};

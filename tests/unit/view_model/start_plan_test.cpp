@@ -35,6 +35,12 @@ TEST(StartPlan, WhatIsNotKnownIsNotSaid) {
   EXPECT_EQ(unsafe.find("1 nN"), std::string::npos);
 }
 
+TEST(StartPlan, TheScenesOfAServerAreInItsOrder) {
+  EXPECT_TRUE(parse_plan(kTable).scenes.empty());
+  EXPECT_EQ(parse_plan(kTable + "scene_1,flakes,\nscene_2,a, b,\nscene_4,lost,\n").scenes,
+            (std::vector<std::string>{"flakes", "a, b"}));
+}
+
 TEST(StartPlan, AnyTextIsTaken) {
   for (const char* text : {"", "\n\n", "a", ",,,,\n", "felt,touch,\nfelt_press,abc,N\n", "binding,device"})
     EXPECT_FALSE(plan_text(parse_plan(text), true).empty());

@@ -454,6 +454,25 @@ TEST_F(StartScreenTest, TheIdentityAndTheServersKeyAreInSight) {
   EXPECT_TRUE(says("Keyfilelab.key") && says("clearone")) << drawn_text(glyphs());
 }
 
+// A server with one scene leaves nothing to choose; another server's names are not kept.
+TEST_F(StartScreenTest, TheSampleOfAServerWithSeveralIsInSight) {
+  StartScreen screen(1);
+  choice_.server = facts_.scenes_of = "lab.example.org:5100";
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  EXPECT_FALSE(says("Sample")) << drawn_text(glyphs());
+  facts_.scenes = {"first flakes", "flat PDMS"};
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  EXPECT_TRUE(says("Samplefirstflakes")) << drawn_text(glyphs());
+  EXPECT_EQ(overlaps(glyphs()), "");
+  choice_.server_scene = "flat PDMS";
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  EXPECT_TRUE(says("SampleflatPDMS")) << drawn_text(glyphs());
+  choice_.server = "127.0.0.1:5100";
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  EXPECT_FALSE(says("Sample")) << drawn_text(glyphs());
+  EXPECT_EQ(choice_.server_scene, "");
+}
+
 TEST_F(StartScreenTest, EnterBeginsOnlyWhatCanBegin) {
   StartScreen screen(1);
   const auto enter = [&] {

@@ -407,6 +407,20 @@ TEST_F(Render, DraggingTheOverviewTurnsItWhenTheMouseIsNoHand) {
   EXPECT_EQ(viewer_->hand().buttons(time_s_), 0u);
 }
 
+// Of a server with one sample there is nothing to choose.
+TEST_F(Render, TheSamplesOfAServerWithSeveralAreInThePanelAndAnotherIsChosenByAClick) {
+  const auto words = [&] {
+    draw_picture(*viewer_, kWidth, kHeight, {});
+    return drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f)));
+  };
+  make();
+  EXPECT_EQ(words().find("Sample:"), std::string::npos);
+  facts_.scenes = {facts_.scene_name, "flat PDMS"};
+  make();
+  EXPECT_NE(words().find("Sample:"), std::string::npos);
+  EXPECT_EQ(viewer_->scene_wanted(), "");
+}
+
 // Asked of a server that can, and with the tip off the sample; else it is said why not, and nobody is asked.
 TEST_F(Render, UndoIsAskedOfAServerThatCanWithTheTipOffTheSample) {
   facts_.can_undo = true;
