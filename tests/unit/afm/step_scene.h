@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cmath>
 #include <memory>
+#include <numbers>
 #include <string>
 
 #include "telenano/nve_server/scene/scene.h"
@@ -11,8 +13,12 @@ namespace telenano::afm {
 /// lever yields along Z alone, or is a beam that points to `points`, "+y" or "-y".
 inline std::shared_ptr<const scene::Scene> with_a_step(double height_nm, int direction_deg = 0,
                                                        double edge_nm = 6, const std::string& points = "") {
-  const double x_nm = direction_deg == 0 ? -60 : direction_deg == 180 ? 60 : 0;
-  const double y_nm = direction_deg == 90 ? -60 : direction_deg == 270 ? 60 : 0;
+  double x_nm = direction_deg == 0 ? -60 : direction_deg == 180 ? 60 : 0;
+  double y_nm = direction_deg == 90 ? -60 : direction_deg == 270 ? 60 : 0;
+  if (direction_deg % 90 != 0) {
+    x_nm = -60 * std::cos(direction_deg * std::numbers::pi / 180);
+    y_nm = -60 * std::sin(direction_deg * std::numbers::pi / 180);
+  }
   // As stiff as the other, 40 N/m, and its tip a tenth of its length high.
   const std::string lever = points.empty() ? "stiffness_n_m = 40.0\n" : "points = \"" + points + "\"\n";
   const std::string beam = points.empty() ? "" : R"([probe.beam]
