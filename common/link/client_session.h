@@ -113,6 +113,7 @@ class ClientSession {
   /// Begins to fetch the slave's state as it is when the server hears of it.
   void ask_snapshot() noexcept { snapshot_.start(); }
   void drop_snapshot() noexcept { snapshot_.stop(); }
+  void set_snapshot_pace(double per_s) noexcept { snapshot_.set_pace(per_s); }
   /// How large it may be, where that is known only once there is a session; before the first step. Allocates.
   void make_room_for_snapshot(std::size_t bytes_max) { snapshot_ = SnapshotFetch(bytes_max); }
   const SnapshotFetch& snapshot() const noexcept { return snapshot_; }

@@ -12,8 +12,9 @@ constexpr std::int64_t kBlockNs = 10'000'000'000;  // of the base: one to two of
 constexpr double kTargetNs = 4e6;                  // and the time between two datagrams, and jitter
 constexpr double kJitters = 3;
 constexpr double kJitterMostNs = 12e6;
-constexpr double kDoubleLeastNs = 20e6;  // of the start
-constexpr double kDrainNs = 100e6;       // β = 1 − q/this
+constexpr double kJitterMostWithBulkNs = 4e6;  // pieces between two replies look like jitter
+constexpr double kDoubleLeastNs = 20e6;        // of the start
+constexpr double kDrainNs = 100e6;             // β = 1 − q/this
 constexpr double kBetaLeast = 0.5;
 constexpr double kBetaMost = 0.85;
 constexpr double kDeliveredWindowNs = 200e6;
@@ -27,6 +28,13 @@ constexpr std::int64_t kSilenceNs = 200'000'000;    // as the session's own
 constexpr std::int64_t kNotOursNs = 1'500'000'000;  // a queue that does not drain at the least rate
 constexpr double kOursFalls = 0.05;                 // of the time: one that drains falls faster
 constexpr double kCreditMost = 2;
+constexpr double kBulkFirst = 0.2;  // pieces for each datagram
+constexpr double kBulkLast = 2;
+constexpr double kBulkLeast = 0.5;  // after a queue
+constexpr double kBulkBeta = 0.7;
+constexpr double kBulkDoubleS = 0.08;  // longer than the window in which a queue is seen
+constexpr double kBulkRise = 0.1;      // a second, after a queue
+constexpr std::int64_t kBulkOverNs = 1'000'000'000;
 
 }  // namespace
 
@@ -65,6 +73,9 @@ void RateControl::reset() noexcept {
   held_down_ = false;
   credit_ = 1;
   last_income_ = 0;
+  bulk_of_a_datagram_ = kBulkFirst;
+  bulk_begins_ = true;
+  bulk_ns_ = kNeverNs;
   count_ = 0;
   base_now_ns_ = base_last_ns_ = kUnknown;
   queue_ns_ = 0;
@@ -135,7 +146,8 @@ bool RateControl::standing(std::int64_t now_ns) noexcept {
     return false;
   }
   queue_ns_ = std::max(0.0, static_cast<double>(least) - base_ns());
-  return queue_ns_ > kTargetNs + 1e9 / rate_hz_ + std::min(kJitterMostNs, kJitters * jitter_ns_);
+  const double jitter_most_ns = fetches(now_ns) ? kJitterMostWithBulkNs : kJitterMostNs;
+  return queue_ns_ > kTargetNs + 1e9 / rate_hz_ + std::min(jitter_most_ns, kJitters * jitter_ns_);
 }
 
 double RateControl::delivered_hz(std::int64_t now_ns) const noexcept {
@@ -163,7 +175,7 @@ void RateControl::lower(std::int64_t now_ns, double rate_hz, RateReason reason) 
   lowest_hz_ = std::min(lowest_hz_, rate_hz_);
   ++lowered_;
   rests_ = true;
-  starts_ = false;
+  starts_ = bulk_begins_ = false;
   lowered_ns_ = calm_ns_ = now_ns;
   held_down_ = true;
   asked_ = arrived_ = 0;
@@ -193,8 +205,42 @@ void RateControl::rise(std::int64_t now_ns, double dt_s) noexcept {
   }
   const double calm_s = 1e-9 * static_cast<double>(now_ns - calm_ns_);
   const double slope = kRiseHzS + kFasterHzS2 * std::max(0.0, calm_s - kCalmS);
-  rate_hz_ = std::min(config_.full_hz, rate_hz_ + slope * dt_s);
+  // A piece takes twice the bytes of a reply: with bulk, a slower rise is as many bytes.
+  const double bytes = fetches(now_ns) ? 1 + 2 * bulk_of_a_datagram_ : 1;
+  rate_hz_ = std::min(config_.full_hz, rate_hz_ + slope / bytes * dt_s);
   if (calm_s > 1) reason_ = RateReason::kRising;
+}
+
+/// Has a piece been asked for of late?
+bool RateControl::fetches(std::int64_t now_ns) const noexcept {
+  return bulk_ns_ != kNeverNs && now_ns - bulk_ns_ <= kBulkOverNs;
+}
+
+void RateControl::bulk_sent(std::int64_t now_ns) noexcept {
+  if (!fetches(now_ns)) {
+    bulk_of_a_datagram_ = kBulkFirst;
+    bulk_begins_ = true;
+  }
+  bulk_ns_ = now_ns;
+}
+
+/// True while it has to.
+bool RateControl::bulk_gives_way(std::int64_t now_ns) noexcept {
+  if (queue_ns_ <= kTargetNs + 1e9 / rate_hz_) return false;
+  bulk_begins_ = false;
+  if (now_ns - bulk_lowered_ns_ <= settle_ns()) return true;
+  bulk_lowered_ns_ = now_ns;
+  if (bulk_of_a_datagram_ > kBulkLeast)
+    bulk_of_a_datagram_ = std::max(kBulkLeast, kBulkBeta * bulk_of_a_datagram_);
+  return true;
+}
+
+/// Only while pieces are asked for: what was not tried says nothing of the link.
+void RateControl::rise_bulk(std::int64_t now_ns, double dt_s) noexcept {
+  if (!fetches(now_ns)) return;
+  const double more =
+      bulk_begins_ ? bulk_of_a_datagram_ * (std::exp2(dt_s / kBulkDoubleS) - 1) : kBulkRise * dt_s;
+  bulk_of_a_datagram_ = std::min(kBulkLast, bulk_of_a_datagram_ + more);
 }
 
 /// Is the queue another's, or a longer way? One of ours falls at the least rate, once the round trips of
@@ -227,9 +273,11 @@ void RateControl::update(std::int64_t now_ns) noexcept {
       lower(now_ns, 0.5 * rate_hz_, RateReason::kSilence);
     } else if (count_ > 0) {
       const bool stands = standing(now_ns);
+      const bool gives_way = bulk_gives_way(now_ns);
       if (rests_ && now_ns - lowered_ns_ > settle_ns()) rests_ = false;
       if (stands) {
         calm_ns_ = now_ns;
+        bulk_begins_ = false;
         if (!rests_) {
           const double beta = std::clamp(1 - queue_ns_ / kDrainNs, kBetaLeast, kBetaMost);
           lower(now_ns, beta * std::min(rate_hz_, delivered_hz(now_ns)), RateReason::kQueue);
@@ -241,7 +289,10 @@ void RateControl::update(std::int64_t now_ns) noexcept {
         // While nothing comes back there is no sign that there is room.
         const bool waits = (waits_since_ns_ >= 0 && now_ns - waits_since_ns_ > silence_ns / 2) ||
                            (reason_ == RateReason::kSilence && news_ns_ < lowered_ns_);
-        if (!rests_ && !waits) rise(now_ns, dt_s);
+        if (!rests_ && !waits) {
+          rise(now_ns, dt_s);
+          if (!gives_way) rise_bulk(now_ns, dt_s);
+        }
       }
     }
   }

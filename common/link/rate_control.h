@@ -53,6 +53,12 @@ const char* name(RateReason reason) noexcept;
 /// bytes: while a queue stands or the rate is held down by one, nothing is repeated. A round trip that stays
 /// long at the least rate is no queue of ours: it becomes the base.
 ///
+/// Bulk (pieces of a snapshot or a scene) goes in proportion to this rate. Both fill the same queue, so that one
+/// signal holds down both. The proportion is 0.2 pieces for each datagram where a fetch begins, and doubles
+/// every 80 ms until a queue stands or it is 2. Bulk gives way first: where the least round trip is above the
+/// target without the part for jitter, the proportion falls by 0.7, to 0.5 at the least; else it rises by 0.1 a
+/// second.
+///
 /// Pure: no clock, no allocation, no exception.
 class RateControl {
  public:
@@ -79,6 +85,14 @@ class RateControl {
   void sent(std::int64_t now_ns) noexcept;
 
   double rate_hz() const noexcept { return rate_hz_; }
+  /// Pieces of bulk that may be asked for in a second; kBulkMost_per_s where the rate does not adapt.
+  double bulk_per_s() const noexcept {
+    const double per_s = bulk_of_a_datagram_ * rate_hz_;
+    return config_.adapts && per_s < kBulkMost_per_s ? per_s : kBulkMost_per_s;
+  }
+  /// A piece was asked for. After a second without any, a new fetch begins.
+  void bulk_sent(std::int64_t now_ns) noexcept;
+  static constexpr double kBulkMost_per_s = 2000;  ///< 7 Mbit/s: as much as a server gives of its scene
   double full_hz() const noexcept { return config_.full_hz; }
   /// The least rate that it was lowered to, and how often it was; the full rate before the first time.
   double lowest_hz() const noexcept { return lowest_hz_; }
@@ -106,6 +120,9 @@ class RateControl {
   void lower(std::int64_t now_ns, double rate_hz, RateReason reason) noexcept;
   void look_for_loss(std::int64_t now_ns) noexcept;
   void rise(std::int64_t now_ns, double dt_s) noexcept;
+  bool fetches(std::int64_t now_ns) const noexcept;
+  bool bulk_gives_way(std::int64_t now_ns) noexcept;
+  void rise_bulk(std::int64_t now_ns, double dt_s) noexcept;
   std::int64_t settle_ns() const noexcept;
   void watch_the_least(std::int64_t now_ns) noexcept;
 
@@ -115,6 +132,11 @@ class RateControl {
   bool held_down_ = false;
   double credit_ = 1;
   double last_income_ = 0;
+  double bulk_of_a_datagram_ = 0.2;
+  bool bulk_begins_ = true;  // nothing has stood in the way of this fetch
+  static constexpr std::int64_t kNeverNs = INT64_MIN;
+  std::int64_t bulk_ns_ = kNeverNs;
+  std::int64_t bulk_lowered_ns_ = 0;
   bool starts_ = false;
   double jitter_ns_ = 0;
   bool ticked_ = false;

@@ -89,10 +89,10 @@ std::optional<std::uint32_t> SceneFetch::next(std::int64_t now_ns) {
     state_ = State::kGivenUp;
     return std::nullopt;
   }
-  credit_ = std::min(kBurst, credit_ + 1e-9 * static_cast<double>(now_ns - credit_ns_) * rate_per_s_);
+  credit_ = std::min(kBurst, credit_ + 1e-9 * static_cast<double>(now_ns - credit_ns_) * rate_per_s());
   credit_ns_ = now_ns;
   const double most =
-      2e-9 * rate_per_s_ * (rtt_ns_ > 0 ? rtt_ns_ : static_cast<double>(kPatienceFirstNs)) + 8;
+      2e-9 * rate_per_s() * (rtt_ns_ > 0 ? rtt_ns_ : static_cast<double>(kPatienceFirstNs)) + 8;
   if (credit_ < 1 || static_cast<double>(open_) >= most) return std::nullopt;
   while (!again_.empty() && pieces_[again_.front()].here) again_.pop_front();
   std::uint32_t chunk = first_unasked_;

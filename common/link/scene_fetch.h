@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -24,7 +26,8 @@ struct SceneFetchLimits {
 /// How fast: no more than `requests_max_per_s`, and no more under way than two round trips explain. A piece
 /// that has not come after the round trip and four times its deviation is lost. Of each 16 outcomes more than
 /// an eighth lost: half as fast; else half as fast again. So 2 % of chance losses cost nothing, and a link
-/// that is full, or has no session for a while, is left alone but for a few requests a second.
+/// that is full, or has no session for a while, is left alone but for a few requests a second. Never
+/// faster than set_link_most() says, which knows of queues.
 ///
 /// What it holds stays over offer() of the same bundle: a resumed session goes on where the last one was. It
 /// allocates, and is no part of a loop.
@@ -38,6 +41,8 @@ class SceneFetch {
   void offer(const SceneOffer& scene, std::int64_t now_ns);
   /// May requests be answered? While not, nothing is asked for and nothing counts as lost.
   void set_up(bool up, std::int64_t now_ns) noexcept;
+  /// Requests a second that the link has room for; above 0. requests_max_per_s bounds it until it is said.
+  void set_link_most(double per_s) noexcept { link_most_per_s_ = per_s; }
   /// The piece to ask for now; call until there is none, every millisecond or so.
   std::optional<std::uint32_t> next(std::int64_t now_ns);
   /// A piece has come. True if it was wanted.
@@ -48,7 +53,7 @@ class SceneFetch {
   /// All of it in kDone. That its hash is right is for the caller to see.
   const std::vector<std::uint8_t>& bytes() const noexcept { return bytes_; }
   std::uint32_t have() const noexcept { return have_; }  ///< pieces
-  double rate_per_s() const noexcept { return rate_per_s_; }
+  double rate_per_s() const noexcept { return std::min(rate_per_s_, link_most_per_s_); }
   std::uint64_t requests() const noexcept { return requests_; }
 
  private:
@@ -77,7 +82,8 @@ class SceneFetch {
   std::uint32_t first_unasked_ = 0;
   std::uint32_t have_ = 0;
   bool up_ = false;
-  double rate_per_s_ = 0;
+  double rate_per_s_ = 0;  ///< by loss alone
+  double link_most_per_s_ = std::numeric_limits<double>::infinity();
   double credit_ = 0;
   std::int64_t credit_ns_ = 0;
   std::int64_t news_ns_ = 0;

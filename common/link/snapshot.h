@@ -13,7 +13,7 @@
 namespace telenano::link {
 
 /// The station's end of fetching the server's state: asks for it in pieces, again where an answer is late, as
-/// many at once as kWindow, and kPerSecond of them. Its memory is made once; a state that is larger is not
+/// many at once as kWindow, and as fast as set_pace() says. Its memory is made once; a state that is larger is not
 /// fetched.
 class SnapshotFetch {
  public:
@@ -36,6 +36,9 @@ class SnapshotFetch {
   bool refused() const noexcept { return refused_; }
   std::size_t pieces_here() const noexcept { return have_; }
   bool complete() const noexcept { return known_ && have_ == pieces(total_); }
+
+  /// Pieces to ask for in a second, as the link allows; above 0. kPerSecond until it is said.
+  void set_pace(double per_s) noexcept { pace_.set_per_s(per_s); }
 
   /// The next piece to ask for; false: none now.
   bool next(std::int64_t now_ns, std::int64_t wait_ns, SnapshotRequest& request) noexcept {
@@ -89,7 +92,7 @@ class SnapshotFetch {
   std::uint32_t breaks() const noexcept { return first_.breaks; }
 
   static constexpr std::size_t kWindow = 1024;
-  static constexpr double kPerSecond = 2000;  ///< 7 Mbit/s: less than what a server gives of its scene
+  static constexpr double kPerSecond = 2000;  ///< 7 Mbit/s: the most, on a link with room
 
  private:
   static constexpr std::size_t kFirstGuess = 2;  // no scene's state is smaller

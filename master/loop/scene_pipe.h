@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <span>
 
 #include "telenano/common/link/client_session.h"
+#include "telenano/common/link/rate_control.h"
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/common/rt/spsc_queue.h"
@@ -36,6 +38,8 @@ struct ScenePipe {
   rt::LatestValue<OfferedScene> offer;
   rt::SpscQueue<ScenePiece> pieces{512};
   rt::SpscQueue<SceneAsk> requests{64};
+  /// Requests a second that the link has room for, as the loop's rate control sees it.
+  std::atomic<double> link_most_per_s{link::RateControl::kBulkMost_per_s};
 
   // The loop's side.
 
@@ -49,20 +53,24 @@ struct ScenePipe {
     pieces.push(piece_);
   }
 
-  /// Once a tick, after the command: tells of the session and sends what is asked for, `most` at most.
-  void turn(link::ClientSession& session, net::Datagram& socket, const net::Address& server,
-            std::span<std::uint8_t> buffer, int most = 2) noexcept {
+  /// Once a tick, after the command: tells of the session and sends what is asked for, `most` at most. Returns how many.
+  int turn(link::ClientSession& session, net::Datagram& socket, const net::Address& server,
+           std::span<std::uint8_t> buffer, int most = 2) noexcept {
     const bool up = session.state() == link::ClientState::kEstablished;
     if (session.sessions() != told_.sessions || up != told_.up) {
       told_ = {session.welcome().scene, session.sessions(), up};
       offer.store(told_);
     }
     SceneAsk request;
+    int sent = 0;
     for (int i = 0; i < most && requests.pop(request); ++i) {
       if (request.bundle != session.welcome().scene.name()) continue;
       const std::size_t size = session.make_scene_request(request.chunk, buffer);
-      if (size > 0) socket.send(std::span<const std::uint8_t>(buffer).first(size), server);
+      if (size == 0) continue;
+      socket.send(std::span<const std::uint8_t>(buffer).first(size), server);
+      ++sent;
     }
+    return sent;
   }
 
  private:

@@ -59,9 +59,11 @@ void StationLoop::fetch_snapshot(std::int64_t now_ns) noexcept {
     if (session_.snapshot().refused()) return;
     session_.ask_snapshot();
   }
+  session_.set_snapshot_pace(rate_.bulk_per_s());
   for (int i = 0; i < kRequestsPerTick; ++i) {
     const std::size_t size = session_.make_snapshot_request(now_ns, buffer_);
     if (size == 0) return;
+    rate_.bulk_sent(now_ns);
     send(size);
   }
 }
@@ -130,6 +132,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   const link::SnapshotFetch& snapshot = session_.snapshot();
   input_.snapshot = snapshot.active() && snapshot.complete() ? &snapshot : nullptr;
   input_.snapshot_pieces = snapshot.active() ? snapshot.pieces_here() : 0;
+  input_.snapshot_per_s = rate_.bulk_per_s();
   input_.snapshot_refused = snapshot.refused();
   input_.rtt_s = 1e-9 * session_.stats().rtt_ns();
   input_.reply = next_reply(now_ns, replied);
@@ -157,7 +160,10 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     send(size);
   }
 
-  if (scene_pipe_ != nullptr) scene_pipe_->turn(session_, socket_, server_, buffer_);
+  if (scene_pipe_ != nullptr) {
+    scene_pipe_->link_most_per_s.store(rate_.bulk_per_s(), std::memory_order_relaxed);
+    if (scene_pipe_->turn(session_, socket_, server_, buffer_) > 0) rate_.bulk_sent(now_ns);
+  }
 
   fill(now_ns, applied_h_n_, sample);
   ++ticks_;

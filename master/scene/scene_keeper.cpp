@@ -181,6 +181,7 @@ void SceneKeeper::run() {
       if (piece.bundle == fetch_.scene().name())
         fetch_.take(piece.chunk, std::span(piece.data).first(piece.size), now_ns);
     }
+    fetch_.set_link_most(pipe_.link_most_per_s.load(std::memory_order_relaxed));
     while (const auto chunk = fetch_.next(now_ns)) pipe_.requests.push({fetch_.scene().name(), *chunk});
     if (!settled_.load(std::memory_order_relaxed) && fetch_.state() == State::kDone)
       use({fetch_.bytes().begin(), fetch_.bytes().end()}, false);

@@ -646,7 +646,7 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   }
   if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up(TwinEnd::kRefused);
   const bool replies_flow = has_reply_ && stale_s_ <= config_.stale_hold_s;
-  twin_->watch(dt_s, replies_flow, input.rtt_s, input.snapshot_pieces, input.time_ns);
+  twin_->watch(dt_s, replies_flow, input.rtt_s, input.snapshot_pieces, input.snapshot_per_s, input.time_ns);
   twin_->step(input.next_step, output.step, input.time_ns);
   output.wants_snapshot = twin_->wants_snapshot();
   output.snapshot_of = twin_->snapshot_of();

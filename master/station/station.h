@@ -60,11 +60,12 @@ struct StationInput {
   const link::Reply* reply = nullptr;  ///< newest accepted since the last tick; null if none came
   std::uint64_t command_sequence = 0;  ///< that the command of this tick will carry
   std::uint64_t next_step = 0;         ///< number that this tick's step gets, where steps are logged
-  const link::SnapshotFetch* snapshot = nullptr;  ///< of the slave's state, complete; null: none
-  std::size_t snapshot_pieces = 0;                ///< of the one under way that are here
-  bool snapshot_refused = false;                  ///< it is larger than there is room for, or cannot be had
-  double rtt_s = 0;                               ///< as known; 0: not yet
-  std::uint32_t tip_wish = 0;  ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
+  const link::SnapshotFetch* snapshot = nullptr;            ///< of the slave's state, complete; null: none
+  std::size_t snapshot_pieces = 0;                          ///< of the one under way that are here
+  double snapshot_per_s = link::SnapshotFetch::kPerSecond;  ///< so many are asked for, at most
+  bool snapshot_refused = false;  ///< it is larger than there is room for, or cannot be had
+  double rtt_s = 0;               ///< as known; 0: not yet
+  std::uint32_t tip_wish = 0;     ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
 };
 
 /// What one tick did, for recording and display. Plain data.

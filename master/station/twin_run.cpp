@@ -307,10 +307,10 @@ double TwinRun::lag_s(std::int64_t now_ns) const noexcept {
   return oldest != nullptr ? 1e-9 * static_cast<double>(now_ns - oldest->at_ns) : config_.ring_s;
 }
 
-void TwinRun::watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces,
+void TwinRun::watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces, double pieces_per_s,
                     std::int64_t now_ns) noexcept {
   // As many as come at a quarter of the pace at which they are asked for take no time.
-  constexpr double kOfAPiece_s = 4 / link::SnapshotFetch::kPerSecond;
+  const double of_a_piece_s = 4 / pieces_per_s;
   if (!on()) return;
   const std::size_t more = pieces > pieces_ ? pieces - pieces_ : 0;
   pieces_ = pieces;
@@ -324,7 +324,7 @@ void TwinRun::watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pi
     return;
   }
   if (replies_flow) unconfirmed_s_ += dt_s;
-  unconfirmed_s_ = std::max(0.0, unconfirmed_s_ - kOfAPiece_s * static_cast<double>(more));
+  unconfirmed_s_ = std::max(0.0, unconfirmed_s_ - of_a_piece_s * static_cast<double>(more));
   if (unconfirmed_s_ > unconfirmed_most_s(rtt_s)) give_up(TwinEnd::kUnconfirmed);
 }
 

@@ -131,7 +131,8 @@ class TwinRun {
   /// Each tick, before its step. A server whose replies flow and who never says anything by which the twin is
   /// known to be right, or could be made so, leaves the hand without force for good: then there is no twin.
   /// `pieces`: of the state under way that are here.
-  void watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces, std::int64_t now_ns) noexcept;
+  void watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces, double pieces_per_s,
+             std::int64_t now_ns) noexcept;
   /// So long may that be, without the time that pieces of the state take which do come.
   double unconfirmed_most_s(double rtt_s) const noexcept { return config_.unconfirmed_s + 4 * rtt_s; }
 

@@ -388,8 +388,10 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
     audit(verdict.kind == Kind::kOpen ? AuditEvent::Kind::kOpened : AuditEvent::Kind::kResumed, verdict.slot,
           now_ns);
   if (verdict.kind != Kind::kAgain) begin_rate(verdict.slot);
-  if (verdict.kind != Kind::kAgain)
+  if (verdict.kind != Kind::kAgain) {
+    records_[verdict.slot].snapshot_pieces = link::TokenBucket(config_.snapshot_pieces_per_s, kSceneBurst);
     records_[verdict.slot].scene_chunks = link::TokenBucket(config_.scene_chunks_per_s, kSceneBurst);
+  }
   return welcome(verdict.slot, hello.nonce, out);
 }
 
@@ -483,6 +485,7 @@ std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, co
   const std::size_t slot = table_.find(request.session_id);
   const DropCause cause = why_not_own(slot, from, link::kFeatureStepLog);
   if (cause != DropCause::kNone) return drop(cause);
+  if (!records_[slot].snapshot_pieces.take(now_ns)) return drop(DropCause::kRateLimited);
   link::FrozenState& frozen = records_[slot].frozen;
   if (request.snapshot != frozen.id) {
     if (frozen.id != 0 && now_ns - frozen.at_ns < kFreezeEveryNs) return drop(DropCause::kRateLimited);

@@ -82,6 +82,8 @@ struct ServerConfig {
   /// Pieces of the scene that are sent, to one session and to all: beside commands, which they must not
   /// delay. One takes about a microsecond.
   double scene_chunks_per_s = 2000;
+  /// Of pieces of a slave's state to one session. A station asks for 2000 at most.
+  double snapshot_pieces_per_s = 2500;
   double scene_chunks_all_per_s = 10000;
   WorkBounds work;
   /// A session's commands come at the rate of its Hello: what comes faster in the long run is dropped. Times that

@@ -51,11 +51,12 @@ struct SessionRecord {
   bool undo_refused = false;       ///< and nothing was taken back
   bool operates = true;            ///< the right of the newest command
   WorkBudget work;
-  std::size_t party = 0;                 ///< place of its party's budget, if that is still there
-  double behind_s = 0;                   ///< time of commands whose motion is left to later ones
-  std::uint32_t command_flags = 0;       ///< of the newest command that was not superseded
-  link::TokenBucket commands{0, 0};      ///< ServerConfig::rate_slack
-  link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
+  std::size_t party = 0;                    ///< place of its party's budget, if that is still there
+  double behind_s = 0;                      ///< time of commands whose motion is left to later ones
+  std::uint32_t command_flags = 0;          ///< of the newest command that was not superseded
+  link::TokenBucket commands{0, 0};         ///< ServerConfig::rate_slack
+  link::TokenBucket snapshot_pieces{0, 0};  ///< ServerConfig::snapshot_pieces_per_s
+  link::TokenBucket scene_chunks{0, 0};     ///< how fast this session may fetch the scene
 
   // For checkpoints.
   std::uint64_t token = 0;        ///< under which there are some; 0: none yet

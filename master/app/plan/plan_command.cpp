@@ -95,13 +95,9 @@ void validate(const PlanOptions& options) {
         "telenano-nve check --limits)");
   }
   if (options.felt && options.server.empty())
-<<<<<<< HEAD
     throw UserError("--felt needs --server: it uses the server's sample, and a --limits file contains none");
-=======
-    throw UserError("--felt needs --server: the sample is the server's; --limits holds none");
   if (!options.server_scene.empty() && options.server.empty())
-    throw UserError("--server-scene needs --server: it is one of the server's");
->>>>>>> scenes
+    throw UserError("--server-scene needs --server: it is one of that server's scenes");
   if (options.compand && !options.felt)
     throw UserError("--compand needs --felt: it acts on the sample's forces");
   if (options.rtt_ms && !(*options.rtt_ms >= 0 && *options.rtt_ms <= 60'000))
@@ -411,18 +407,13 @@ void add_plan_command(CLI::App& app) {
   CLI::App* const command = app.add_subcommand(
       "plan", "Plan the scaling for this station, link and slave, with reasons: CSV, text, a picture");
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
-<<<<<<< HEAD
   command->add_option("--server", options->server,
                       "HOST:PORT of telenano-nve serve: its limits are used and the round trip is measured");
-=======
-  command->add_option(
-      "--server", options->server,
-      "HOST:PORT of telenano-nve serve: plan asks it for its limits and measures the round trip");
   command
-      ->add_option("--server-scene", options->server_scene,
-                   "Of a server with several scenes, the one of this name (default: its first); rows scene_*")
+      ->add_option(
+          "--server-scene", options.server_scene,
+          "Scene to plan for, if the server has several (default: its first); the rows scene_* list them")
       ->type_name("NAME");
->>>>>>> scenes
   command->add_option("--limits", options->limits,
                       "Instead of --server: limits of a slave, written by telenano-nve check --limits");
   command

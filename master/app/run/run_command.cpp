@@ -34,21 +34,15 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
                   "Control method that keeps the session passive (default: auto: twin if the server shares "
                   "its scene and logs steps, else tank or model, depending on the round trip)")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
-<<<<<<< HEAD
   command.add_option("--scene", options.scene,
                      "The server's scene, a name or a file: the station simulates it locally, so that the "
                      "hand feels the sample without delay (method twin)");
-=======
-  command.add_option(
-      "--scene", options.scene,
-      "The server's scene, a name or a file: the station runs its slave itself, so that the hand "
-      "feels the sample without delay (method twin)");
   command
-      .add_option("--server-scene", options.server_scene,
-                  "Of a server with several scenes, the one of this name (default: its first); the names are "
-                  "told when the session begins")
+      .add_option(
+          "--server-scene", options.server_scene,
+          "Scene to work in, if the server has several (default: its first); the names are printed when "
+          "the session begins")
       ->type_name("NAME");
->>>>>>> scenes
   command.add_option("--velocity-scale", options.velocity_scale,
                      "Velocity scale alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,

@@ -26,18 +26,13 @@ CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
                    "The server's public key, as printed by telenano-nve keys identity")
       ->type_name("sha256:HEX")
       ->needs(server);
-<<<<<<< HEAD
-  command->add_option("--device", flags.device, "Haptic device selected first (default: sim)")
-      ->type_name(choices_text(device_names([](const DeviceRow& row) { return !row.reads_file; })));
-=======
   command
       ->add_option("--server-scene", flags.server_scene,
-                   "Of a server with several scenes, the one of this name (default: its first)")
+                   "Scene selected first, if the server has several (default: its first)")
       ->type_name("NAME")
       ->needs(server);
-  command->add_option("--device", flags.device, "Hand to begin with (default sim)")
-      ->type_name("{sim,omega,hid,mouse}");
->>>>>>> scenes
+  command->add_option("--device", flags.device, "Haptic device selected first (default: sim)")
+      ->type_name(choices_text(device_names([](const DeviceRow& row) { return !row.reads_file; })));
   command
       ->add_option("--text-size", flags.text_size,
                    "Text size in this window and its sessions, relative to the screen's own")

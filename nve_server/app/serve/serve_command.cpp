@@ -382,20 +382,14 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve a scene to stations over UDP");
   command
-<<<<<<< HEAD
-      ->add_option("--scene", options->scene,
-                   "Scene for --slave nve: a file (TOML) or the name of a supplied scene, e.g. flakes")
-      ->type_name(config::kSceneOrFile);
-=======
-      ->add_option("--scene", options->scenes,
-                   "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, "
-                   "e.g. flakes. Several times: a session begins in the first, and its station may choose "
-                   "another")
+      ->add_option(
+          "--scene", options->scenes,
+          "Scene for --slave nve: a file (TOML) or the name of a supplied scene, e.g. flakes. May be given "
+          "several times: a session begins in the first, and its station may choose another")
       ->type_name(config::kSceneOrFile)
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->allow_extra_args(false);
->>>>>>> scenes
   options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT to listen on; port 0: any free port")
       ->capture_default_str();

@@ -21,6 +21,9 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr double kCommandBytes = 207 + 28 + 37;
 constexpr double kReplyBytes = 226 + 28 + 37;
 constexpr double kRepeatBytes = 64;
+// A snapshot's piece and its request, with the same headers.
+constexpr double kPieceBytes = 448 + 60 + 28 + 37;
+constexpr double kAskBytes = 40 + 28 + 37;
 
 struct Way {
   double kbit_s = 0;  ///< 0: no limit
@@ -62,6 +65,10 @@ class World {
     std::uint64_t command = 0;
     std::uint64_t sent = 0;
     std::uint64_t got = 0;
+    double bulk_from_ns = 1e18;  ///< pieces are fetched from then on
+    double bulk_per_s = 0;       ///< 0: as the control says
+    double bulk_credit = 0;
+    std::uint64_t pieces = 0;
   };
 
   World(const Way& way, const std::vector<Flow>& stations, std::uint64_t seed = 1)
@@ -109,6 +116,7 @@ class World {
     at(next, [this, i](double t) { tick(i, t); });
     const auto t = static_cast<std::int64_t>(now);
     f.control.update(t);
+    fetch(i, now);
     if (!f.control.may_send()) return;
     f.control.sent(t);
     const std::uint64_t command = ++f.command;
@@ -128,6 +136,22 @@ class World {
         if (on_rtt_) on_rtt_(i, t4, t4 - now);
       });
     });
+  }
+
+  /// Two pieces a tick at most, as the loop does; a lost one is no news to anybody here.
+  void fetch(std::size_t i, double now) {
+    Flow& f = flows[i];
+    if (now < f.bulk_from_ns) return;
+    const double per_s = f.bulk_per_s > 0 ? f.bulk_per_s : f.control.bulk_per_s();
+    f.bulk_credit = std::min(8.0, f.bulk_credit + 1e-3 * per_s);
+    for (; f.bulk_credit >= 1; f.bulk_credit -= 1) {
+      f.control.bulk_sent(static_cast<std::int64_t>(now));
+      const double through = up.send(now, kAskBytes);
+      if (through < 0 || random_.uniform() < way_.loss) continue;
+      at(through + 0.5e6 * way_.rtt_ms, [this, i](double arrival) {
+        if (down.send(arrival, kPieceBytes) >= 0 && random_.uniform() >= way_.loss) ++flows[i].pieces;
+      });
+    }
   }
 
   Way way_;
@@ -188,6 +212,45 @@ TEST(RateControl, EmptiesThe64KiBQueueOfAMegabitWithinTwoSeconds) {
     std::printf("from %4.0f Hz: worst %.1f ms, mean %.1f ms, %.0f of %.0f Hz\n", start_hz, seen.worst_ms,
                 seen.mean_ms, seen.got_hz, capacity_hz(1000));
   }
+}
+
+// Bulk on the same wire: a snapshot of any size, begun at rest or with the session.
+TEST(RateControl, ASnapshotOverAMegabitLeavesNoQueueAfterTwoSeconds) {
+  for (const double begin_s : {0.0, 5.0}) {
+    for (const bool paced : {false, true}) {
+      World::Flow f = flow();
+      f.bulk_from_ns = begin_s * 1e9;
+      f.bulk_per_s = paced ? 0 : 2000;
+      World world({1000, 64, 4}, {f});
+      world.run((begin_s + 2) * 1e9);
+      const std::uint64_t before = world.flows[0].pieces;
+      const Seen seen = watch(world, begin_s + 2, begin_s + 20);
+      const double bytes_s = kPieceBytes * static_cast<double>(world.flows[0].pieces - before) / 18;
+      std::printf("bulk from %.0f s, %s: worst %.1f ms, %.0f Hz, %.0f kbit/s of pieces\n", begin_s,
+                  paced ? "paced" : "2000 a second", seen.worst_ms, seen.got_hz, 8e-3 * bytes_s);
+      if (!paced) {
+        EXPECT_TRUE(seen.worst_ms > 400 || seen.got_hz < 20) << seen.got_hz;  // what is mended
+        continue;
+      }
+      EXPECT_LE(seen.worst_ms, 30) << begin_s;
+      EXPECT_GT(bytes_s, 0.4 * 125'000) << begin_s;
+      EXPECT_GE(seen.got_hz, 50) << begin_s;
+    }
+  }
+}
+
+TEST(RateControl, BulkIsAsFastAsEverWhereThereIsRoom) {
+  World::Flow f = flow();
+  f.bulk_from_ns = 0;
+  World world({0, 64, 20, 0.02}, {f});
+  world.run(0.7e9);
+  EXPECT_EQ(world.flows[0].control.bulk_per_s(), RateControl::kBulkMost_per_s);
+  // Jitter is no queue, also while a fetch runs.
+  World radio({0, 64, 20, 0.02, 2}, {f});
+  radio.run(10e9);
+  EXPECT_GE(radio.flows[0].control.rate_hz(), 900);
+  EXPECT_GE(radio.flows[0].control.bulk_per_s(), 900);
+  EXPECT_EQ(flow(100, false).control.bulk_per_s(), RateControl::kBulkMost_per_s);
 }
 
 TEST(RateControl, ComesBackUpWhenTheLinkIsFree) {
