@@ -411,7 +411,7 @@ void add_plan_command(CLI::App& app) {
                       "HOST:PORT of telenano-nve serve: its limits are used and the round trip is measured");
   command
       ->add_option(
-          "--server-scene", options.server_scene,
+          "--server-scene", options->server_scene,
           "Scene to plan for, if the server has several (default: its first); the rows scene_* list them")
       ->type_name("NAME");
   command->add_option("--limits", options->limits,
