@@ -62,7 +62,7 @@ class StationAtSeveralScenes(unittest.TestCase):
         # Back: a new sample again.
         self.assertEqual(self.switch(client, first.scene_hash).scene_name, b"flat_pdms")
         said = self.end()
-        self.assertIn("2 times a session went to another scene", said)
+        self.assertIn("switches of a session to another scene: 2", said)
         self.assertEqual(counted(said).get("out_of_range"), 1, "the third line")
 
     def test_a_wish_that_is_repeated_is_one(self):
@@ -72,7 +72,7 @@ class StationAtSeveralScenes(unittest.TestCase):
         self.assertEqual([type(w) for w in welcomes], [pb.Welcome] * 3)
         self.assertEqual(len({w.session_id for w in welcomes}), 1)
         self.assertEqual(welcomes[0].nonce, 77)
-        self.assertIn("1 times a session went to another scene", self.end())
+        self.assertIn("switches of a session to another scene: 1", self.end())
 
     def test_what_is_refused_changes_nothing(self):
         client, first = self.scenes()

@@ -48,7 +48,7 @@ class ServerScenes(RealPrograms):
         self.assertEqual(self.scene_of(self.station(server, "--server-scene", names[0]))[0], first)
         server.signal(15)
         self.assertEqual(server.end(), 0)
-        self.assertIn("2 times a session went to another scene", server.text())
+        self.assertIn("switches of a session to another scene: 2", server.text())
         self.assertEqual((self.folder / "audit.jsonl").read_text().count('"scene switched"'), 2)
 
     def refused(self, done, pattern, code):

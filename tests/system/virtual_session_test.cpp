@@ -16,8 +16,8 @@
 namespace telenano::support {
 namespace {
 
-constexpr std::uint64_t kGoldenHash = 0x16c26f2d759ce4adu;
-constexpr std::uint64_t kGoldenHashUncredited = 12683803870564049276u;
+constexpr std::uint64_t kGoldenHash = 0x49b5d2e60b8468d7u;
+constexpr std::uint64_t kGoldenHashUncredited = 10695123660571247528u;
 
 std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");

@@ -369,7 +369,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   if (counters.deferred > 0 || counters.cut > 0)
     log->info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",
               counters.deferred, counters.cut);
-  if (counters.switched > 0) log->info("{} times a session went to another scene", counters.switched);
+  if (counters.switched > 0) log->info("switches of a session to another scene: {}", counters.switched);
   if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
   if (secure) log->info("channels: {}", workers.channels_text());
   if (workers.refused_local_users() > 0)
