@@ -68,7 +68,7 @@ class TwoLayerTank final : public StationMethod {
   }
 
  private:
-  static constexpr double kSlavePart = 0.8;
+  static constexpr double kSlavePart = 0.7;
 
   PassivityController controller_;
   bool granted_ = false;

@@ -80,7 +80,7 @@ class PortControl {
   double level_aj() const noexcept { return level_aj_; }  ///< W, the tank, or what the waves owe
 
   static constexpr double kUnforeseenJ = 1e-4;  ///< hand joules
-  static constexpr double kReserveJ = 0.008;    ///< likewise: kept, so that the next touch can begin
+  static constexpr double kReserveJ = 0.007;    ///< likewise: kept, so that the next touch can begin
   static constexpr double kCatchUp_s = 0.05;
   /// More has not come: 10¹² J at the hand of an ordinary scaling.
   static constexpr double kMostAj = 1e30;
