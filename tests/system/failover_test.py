@@ -44,7 +44,8 @@ class Failover(RealPrograms):
                 for line in self.recorded("--columns", "hand_force_applied_h_n").splitlines() if line[0] in "-0123456789"]
         force_n = [max(0, row[-1]) for row in rows]  # away from the sample
         pressed = next(i for i, f in enumerate(force_n) if f > FELT_N)
-        gone = next(i for i in range(pressed, len(force_n)) if force_n[i] < 0.01)
+        # On a busy machine a contact by ks may leave the sample for some ticks before: no server is found as fast as that.
+        gone = next(i for i in range(pressed, len(force_n)) if max(force_n[i:i + 50]) < 0.01)
         back = next(i for i in range(gone, len(force_n)) if force_n[i] > 0.01)
         felt = max(force_n[back:])
         self.assertGreater(felt, FELT_N, "it is felt again")

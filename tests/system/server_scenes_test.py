@@ -75,7 +75,7 @@ class ServerScenes(RealPrograms):
             done = self.run_program(NVE, "serve", "--scene", FIRST, "--scene", SECOND, "--listen", "127.0.0.1:0", *words)
             self.refused(done, f"{flag}: ", 2)
         done = self.run_program(NVE, "serve", "--scene", FIRST, "--scene", FIRST, "--listen", "127.0.0.1:0")
-        self.refused(done, "is served twice", 2)
+        self.refused(done, "given twice", 2)
 
 
 if __name__ == "__main__":

@@ -65,6 +65,22 @@ class ViewerPrograms : public ::testing::Test {
     command.insert(command.end(), flags.begin(), flags.end());
     return run_program(without_display(command));
   }
+  /// What a person at a window needs and this machine has not got, with what to do; empty: all is here.
+  static std::string missing(std::initializer_list<const char*> more = {}) {
+    std::vector<const char*> programs = {"/usr/bin/xvfb-run", "/usr/bin/xdotool"};
+    programs.insert(programs.end(), more);
+    for (const char* program : programs) {
+      if (!std::filesystem::exists(program))
+        return std::string("no ") + program +
+               ": apt-get install xvfb xauth xdotool bsdutils x11-xserver-utils";
+    }
+    return {};
+  }
+  /// Runs a script of this folder before a screen of its own.
+  Finished before_a_screen(std::chrono::milliseconds most, const std::string& script = "user.sh",
+                           const std::string& screen = "-screen 0 1280x800x24") {
+    return run_program({"/usr/bin/xvfb-run", "-a", "-s", screen, "/bin/bash", path(script)}, {}, most);
+  }
   std::filesystem::path folder_;
 };
 

@@ -6,10 +6,7 @@ namespace {
 
 // From the start screen into a session, out of it, and into the next one, by keyboard alone.
 TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
       << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state" << kPerson
@@ -25,8 +22,7 @@ TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
          "see 'Telenano: flakes at'; await '[ -s session-2.h5 ]'; await '[ $(grep -c ^loop: err.txt) = 2 ]'\n"
          "told=$(grep -c ' mJ ' err.txt); await '[ $(grep -c \" mJ \" err.txt) -gt $told ]'\n"
          "kill $start; wait $start; echo ended with $?\n";
-  const Finished user = run_program(
-      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  const Finished user = before_a_screen(kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
   EXPECT_EQ(user.out, "ended with 0\n") << file_text(path("err.txt"));
   EXPECT_EQ(file_text(path("state/telenano/servers")), server.address() + "\t\tflakes\n");
@@ -40,10 +36,7 @@ TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
 // Another sample is another server: the list of those seen lately says which has which, and a choice of it and
 // Enter begin the next session there.
 TEST_F(ViewerPrograms, AnotherSceneIsChosenOnTheStartScreen) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server flakes(scene_path("flakes"));
   Server flat(scene_path("flat_silicon_oxide"));
   std::filesystem::create_directories(path("state/telenano"));
@@ -65,9 +58,7 @@ TEST_F(ViewerPrograms, AnotherSceneIsChosenOnTheStartScreen) {
       << "\n"
          "see 'Telenano: start, .*, answered'; xdotool key Return; see 'Telenano: flat_silicon_oxide at'\n"
          "await '[ $(grep -c ^loop: err.txt) = 2 ]'; kill $start; wait $start; echo ended with $?\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   EXPECT_EQ(user.out, "ended with 0\n") << user.err << file_text(path("err.txt"));
   // Newest first.
   EXPECT_EQ(file_text(path("state/telenano/servers")),
@@ -77,10 +68,7 @@ TEST_F(ViewerPrograms, AnotherSceneIsChosenOnTheStartScreen) {
 // Over a round trip of 20 ms, where nothing was kept: the window is open and has the server's own surface
 // before the twin of it is ready, which takes seconds. The bound in seconds is loose, for a busy machine.
 TEST_F(ViewerPrograms, TheSampleIsSeenBeforeItsTwinIsReady) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   ChildProcess relay(
       {kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--delay-ms", "10"});
@@ -96,9 +84,7 @@ TEST_F(ViewerPrograms, TheSampleIsSeenBeforeItsTwinIsReady) {
          "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'; press_until ctrl+q '! kill -0 $master "
          "2>/dev/null'\n"
          "wait $master; echo ended with $?\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   const std::string told = file_text(path("err.txt"));
   EXPECT_EQ(user.out, "0\nended with 0\n") << user.err << told;
   const std::string before = "the sample seen after ";
@@ -110,10 +96,7 @@ TEST_F(ViewerPrograms, TheSampleIsSeenBeforeItsTwinIsReady) {
 
 // While it gets ready, as later.
 TEST_F(ViewerPrograms, AWindowThatGetsReadyCanBeLeft) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
       << "cd " << folder_.string() << "\nexport XDG_CACHE_HOME=" << folder_.string() << "/cache" << kPerson
@@ -121,9 +104,7 @@ TEST_F(ViewerPrograms, AWindowThatGetsReadyCanBeLeft) {
       << "master=$!\n"
          "see 'Telenano: getting ready'; press_until ctrl+q '! kill -0 $master 2>/dev/null'\n"
          "wait $master; echo ended with $?\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   EXPECT_EQ(user.out, "ended with 0\n") << user.err << file_text(path("err.txt"));
   EXPECT_NE(file_text(path("err.txt")).find("stopped by the operator"), std::string::npos);
 }
@@ -132,10 +113,7 @@ TEST_F(ViewerPrograms, AWindowThatGetsReadyCanBeLeft) {
 // one drag down and up ends with a pull-off. Eight clicks are allowed: where the machine is so busy that the server
 // has withdrawn the tip before the session began, the mouse takes hold more than once, as the window says.
 TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
       << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state" << kPerson
@@ -160,9 +138,7 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
          "xdotool type --delay 60 'it held on; lets go'; xdotool key Return\n"
          "press_until ctrl+q 'grep -q stopped.by.the.operator err.txt'\n"
          "kill $start; wait $start; echo ended with $?\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
   const std::vector<std::string> lines = lines_of(user.out);
   const auto clicks = std::count(lines.begin(), lines.end(), "click");

@@ -25,10 +25,7 @@ TEST_F(ViewerPrograms, AWindowUnderXvfbLastsAsLongAsTheSession) {
 // seconds. A new user's first minute: a window, a drag down until the tip touches, a picture, marks; by keys
 // and mouse as a person would press them.
 TEST_F(ViewerPrograms, ANewUserTouchesTheSampleWithTheMouse) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   // A drag down: the section is 0.8 gap + 8 nm to either side of its middle and 600 pixels high, so the tip
   // comes down from 40 nm as gap + 10 nm = 50 nm exp(-0.8 pixels / 300), and touches after 604 of these 740
@@ -44,9 +41,7 @@ TEST_F(ViewerPrograms, ANewUserTouchesTheSampleWithTheMouse) {
                                     "press_until p '[ -s telenano-1.png ]'\n"
                                     "xdotool mouseup 1 key --delay 60 m m m m m ctrl+q\n"
                                     "await '! kill -0 $master 2>/dev/null'; wait $master\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
   EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
   EXPECT_TRUE(std::filesystem::exists(path("telenano-1.png")));
@@ -62,10 +57,7 @@ TEST_F(ViewerPrograms, ANewUserTouchesTheSampleWithTheMouse) {
 }
 
 TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   // While the tip presses on the sample; then until the hand has let go, gone back and begun.
   std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
@@ -77,9 +69,7 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
                                     "xdotool key t\n"
                                     "await 'below $(time_told) $before'; await 'above $(time_told) 2'\n"
                                     "xdotool key ctrl+q; wait $master\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
   EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
   const recording::RecordingReader recording(path("t.h5"));
@@ -105,10 +95,7 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
 
 // A session that began without a recording gets one from the key on, whose marks are in it.
 TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   std::ofstream(path("session.h5")) << "another's";
   std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
@@ -119,9 +106,7 @@ TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
                                     "xdotool key ctrl+r; await '[ -s session-2.h5 ]'\n"
                                     "from=$(time_told); xdotool key m; await 'above \"$(time_told)\" $from'\n"
                                     "xdotool key ctrl+q; wait $master\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
   EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
   EXPECT_EQ(file_text(path("session.h5")), "another's") << "no recording is replaced";
@@ -142,10 +127,7 @@ TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
 // The first second of silence is told in the picture; at the end the window stays, with the cause, until a
 // person closes it.
 TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
       << "cd " << folder_.string() << kPerson << kMaster << " run --server " << server.address()
@@ -162,9 +144,7 @@ TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
          "await '[ -s telenano-1.png ]'; press_until p '[ -s telenano-2.png ]'\n"
          "xdotool key ctrl+q\n"
          "wait $master; echo ended with $?\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   EXPECT_NE(user.out.find("stays\nended with 1"), std::string::npos)
       << user.out << file_text(path("err.txt"));
   EXPECT_NE(file_text(path("err.txt")).find("has been silent for 6 s"), std::string::npos);
@@ -183,18 +163,14 @@ TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
                                      "see 'Telenano: flakes at'; await 'grep -q ^loop: timed.txt'\n"
                                      "kill -9 "
                                   << again.child().pid() << "; wait $master; echo ended with $?\n";
-  const Finished timed = run_program(
-      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("timed.sh")}, {}, kLong);
+  const Finished timed = before_a_screen(kLong, "timed.sh");
   EXPECT_NE(timed.out.find("ended with 1"), std::string::npos) << timed.out << timed.err;
 }
 
 // At a terminal the window stays with a summary when the task is done; Enter begins the same session again,
 // with a recording of its own. `script` gives a terminal; without one nobody is there to close it.
 TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool", "/usr/bin/script"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool bsdutils";
-  }
+  if (const std::string no = missing({"/usr/bin/script"}); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
       << "cd " << folder_.string() << kPerson << "script -qefc '" << kMaster << " run --server "
@@ -206,9 +182,7 @@ TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
       << "await '[ $(grep -c \"summary of\" typed.txt) = 2 ]'; see 'Telenano: the session has ended'\n"
       << "[ -s c-2.h5 ] && echo again\n"
       << "xdotool key ctrl+q; wait $!; echo ended with $?\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   EXPECT_NE(user.out.find("stays\nagain\nended with 0"), std::string::npos)
       << user.out << user.err << file_text(path("typed.txt"));
   EXPECT_TRUE(recording::RecordingReader(path("c.h5")).closed());
@@ -220,10 +194,7 @@ TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
 // What the station draws and saves is what the server keeps: two programs, two files, one sample. Its own file
 // is drawn where it was.
 TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
-  }
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("lithography"), 0, {"--save-surface", folder_.string()});
   std::ofstream(path("groove.csv"))
       << "t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n3,40,0,-4\n3.5,40,0,10\n120,40,0,10\n";
@@ -241,9 +212,7 @@ TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
          "break\n"
          "done\n"
       << "press_until p '[ -s telenano-1.png ]'; xdotool key ctrl+q; wait $master\n";
-  const Finished user =
-      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
-                  {}, 4 * kLong);
+  const Finished user = before_a_screen(4 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
   server.stop();
   const surface::Scan kept = surface::read_gsf(path("lithography-1.gsf"));
@@ -286,10 +255,7 @@ TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
 
 // 192 dots an inch, as a desktop says it: twice the pixels, and as large to the eye.
 TEST_F(ViewerPrograms, AWindowOnADenseScreenHasTwiceThePixels) {
-  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool", "/usr/bin/xrdb"}) {
-    if (!std::filesystem::exists(program))
-      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool x11-xserver-utils";
-  }
+  if (const std::string no = missing({"/usr/bin/xrdb"}); !no.empty()) GTEST_SKIP() << no;
   Server server(scene_path("flakes"));
   const auto size_at = [&](int dpi, const std::string& screen) {
     const std::string folder = path(std::to_string(dpi) + screen.substr(0, 4));
@@ -300,9 +266,7 @@ TEST_F(ViewerPrograms, AWindowOnADenseScreenHasTwiceThePixels) {
         << "see 'Telenano: flakes at'; press_until p '[ -s telenano-1.png ]'\n"
         << "xdotool key ctrl+q; wait $!\n";
     const Finished user =
-        run_program({"/usr/bin/xvfb-run", "-a", "-s", "-noreset -screen 0 " + screen + "x24", "/bin/bash",
-                     folder + "/user.sh"},
-                    {}, 4 * kLong);
+        before_a_screen(4 * kLong, folder + "/user.sh", "-noreset -screen 0 " + screen + "x24");
     const std::string png = file_text(folder + "/telenano-1.png");
     EXPECT_GT(png.size(), 24u) << user.out << user.err;
     if (const char* look = std::getenv("TELENANO_LOOK"))

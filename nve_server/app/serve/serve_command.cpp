@@ -5,6 +5,7 @@
 #include <spdlog/spdlog.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -139,6 +140,11 @@ struct ServeOptions {
 /// What is kept, shared or shown of one scene only.
 void check_several(const ServeOptions& options) {
   if (options.scenes.size() < 2) return;
+  for (std::size_t i = 1; i < options.scenes.size(); ++i) {
+    if (std::find(options.scenes.begin(), options.scenes.begin() + static_cast<std::ptrdiff_t>(i),
+                  options.scenes[i]) != options.scenes.begin() + static_cast<std::ptrdiff_t>(i))
+      throw UserError("--scene " + options.scenes[i] + ": given twice; give each scene once");
+  }
   if (options.afm.wanted())
     throw UserError(
         "--scene: given several times, but an AFM has one sample: the one under its tip; leave it out");

@@ -5,11 +5,11 @@
 
 namespace telenano::physics {
 
-/// −∂W/∂δ towards the tip (nN, attraction negative) on the way out of a contact with the overlap held: of the inner
-/// branch up to where it is left, then of the outer one. Without bias and bridge.
-double retraction_force_nn(const BranchPotential& law, double overlap_nm, double log_radius) noexcept;
+/// W and its derivatives on the way out of a contact with the overlap held: of the inner branch up to where it is
+/// left, then of the outer one. Without bias and bridge.
+void retraction(const BranchPotential& law, double overlap_nm, double log_radius, PotentialJet& jet) noexcept;
 
-/// What the parts of a foot add to that force.
+/// What the parts of a foot add to its force there. Takes 10 ms.
 RetractionKernel retraction_kernel(const BranchPotential& law, double tip_radius_nm);
 
 }  // namespace telenano::physics

@@ -37,75 +37,78 @@ Curve sampled(const RetractionKernel::ForcePerRadius& force, double log_radius, 
 
 }  // namespace
 
-RetractionKernel::RetractionKernel(const ForcePerRadius& force, double tip_radius_nm) {
-  const double tip = det_log(tip_radius_nm);
-  // The way from no force to the greatest attraction and the range behind it set the scale: looked for within a
-  // radius, finer each time.
-  double peak = 0, way = 0, range = 0;
+// Looked for within a radius, finer each time.
+RetractionKernel::Scale RetractionKernel::scale(const ForcePerRadius& force, double tip_radius_nm) {
+  constexpr int kRounds = 6, kSamples = 400;
+  Scale scale;
   double low = -tip_radius_nm, high = tip_radius_nm;
-  for (int round = 0; round < 6; ++round) {
-    constexpr int kSamples = 400;
+  for (int round = 0; round < kRounds; ++round) {
     const double du = (high - low) / kSamples;
-    const Curve curve = sampled(force, tip, low, du, kSamples + 1);
-    if (!(curve.force[static_cast<std::size_t>(curve.peak)] < 0.0)) return;
-    peak = low + curve.peak * du;
-    way = std::max(1, curve.peak - curve.zero) * du;
-    int after = curve.peak;
+    const Curve curve = sampled(force, det_log(tip_radius_nm), low, du, kSamples + 1);
     const double least = curve.force[static_cast<std::size_t>(curve.peak)];
-    while (after < kSamples && curve.force[static_cast<std::size_t>(after)] < 0.5 * least) ++after;
-    range = (after - curve.peak) * du;
-    low = std::max(low, peak - 6.0 * (way + range));
-    high = std::min(high, peak + 6.0 * (way + range));
+    if (!(least < 0.0)) return {};
+    int half = curve.peak;
+    while (half < kSamples && curve.force[static_cast<std::size_t>(half)] < 0.5 * least) ++half;
+    scale = {low + curve.peak * du, std::max(1, curve.peak - curve.zero) * du, (half - curve.peak) * du};
+    const double about = 6.0 * (scale.way + scale.range);
+    low = std::max(low, scale.peak - about);
+    high = std::min(high, scale.peak + about);
   }
+  return scale;
+}
+
+RetractionKernel::RetractionKernel(const ForcePerRadius& force, double tip_radius_nm) {
+  const Scale of = scale(force, tip_radius_nm);
+  if (!(of.range > 0.0)) return;
   // Rigid bodies have no way to go, but a range.
-  bin_ = std::max(way / kBinsOfWay, range / kBinsOfRange);
+  bin_ = std::max(of.way / kBinsOfWay, of.range / kBinsOfRange);
   float all_near = 0;
   for (int b = 0; b < kBins; ++b) {
-    nearness_[b] = static_cast<float>(det_exp((kBinsAbove - b) * bin_ / way));
+    nearness_[b] = static_cast<float>(det_exp((kBinsAbove - b) * bin_ / of.way));
     if (b >= kBinsAbove) all_near += (b == kBinsAbove ? 0.5F : 1.0F) * nearness_[b];
   }
   for (float& near : nearness_) near /= all_near * static_cast<float>(kTwoPi * bin_);
   // Gap of the first bin of the reach: the first w, and areas above the top.
-  const double w0 = peak - kPressed * way;
-  const double u0 = w0 - kBinsAbove * bin_;
-  first_ = tip - kBelow * kStep;
-  columns_.resize(kBelow + kAbove + 1);
+  const double first_gap_nm = of.peak - kPressed * of.way - kBinsAbove * bin_;
+  first_ = det_log(tip_radius_nm) - kBelow * kStep;
+  for (int c = 0; c <= kBelow + kAbove; ++c)
+    columns_.push_back(column(force, first_ + c * kStep, first_gap_nm));
+}
+
+RetractionKernel::Column RetractionKernel::column(const ForcePerRadius& force, double log_radius,
+                                                  double first_gap_nm) const {
   const double du = bin_ / kFine;
-  const int margin = 6 * kBinsOfWay * kFine;
-  for (std::size_t c = 0; c < columns_.size(); ++c) {
-    const double log_radius = first_ + static_cast<double>(c) * kStep;
-    const int count = (kReach + 2) * kFine + 2 * margin;
-    const Curve curve = sampled(force, log_radius, u0 - margin * du, du, count);
-    const double sigma = kSmoothing * std::max(1, curve.peak - curve.zero);
-    const int half = std::min(margin - kFine, static_cast<int>(5.0 * sigma) + 1);
-    std::vector<double> weight(static_cast<std::size_t>(half) + 1);
-    double all = 0;
-    for (int k = 0; k <= half; ++k) {
-      weight[static_cast<std::size_t>(k)] = det_exp(-0.5 * k * k / (sigma * sigma));
-      all += (k == 0 ? 1.0 : 2.0) * weight[static_cast<std::size_t>(k)];
-    }
-    const auto smooth = [&](int at) {
-      double sum = weight[0] * curve.force[static_cast<std::size_t>(at)];
-      for (int k = 1; k <= half; ++k) {
-        sum += weight[static_cast<std::size_t>(k)] * (curve.force[static_cast<std::size_t>(at - k)] +
-                                                      curve.force[static_cast<std::size_t>(at + k)]);
-      }
-      return sum / all;
-    };
-    // Mean over a bin: the sum over all bins is the force again.
-    Column& column = columns_[c];
-    for (int k = 0; k < 2 * static_cast<int>(std::size(column.q[0])); ++k) {
-      const int at = margin + k * kFine;
-      const bool there = k < kReach;
-      column.q[k % 2][k / 2] =
-          there ? static_cast<float>((smooth(at - kFine / 2) - smooth(at + kFine / 2)) / (kTwoPi * bin_))
-                : 0.0F;
-    }
-    float areas[kBins] = {};
-    for (int b = kBinsAbove; b < kBins; ++b)
-      areas[b] = static_cast<float>(kTwoPi * bin_ * (b == kBinsAbove ? 0.5 : 1.0));
-    column.log_peak = log_peak(column, areas);
+  constexpr int kMargin = 6 * kBinsOfWay * kFine;
+  const Curve curve =
+      sampled(force, log_radius, first_gap_nm - kMargin * du, du, (kReach + 2) * kFine + 2 * kMargin);
+  const double sigma = kSmoothing * std::max(1, curve.peak - curve.zero);
+  const int half = std::min(kMargin - kFine, static_cast<int>(5.0 * sigma) + 1);
+  std::vector<double> weight(static_cast<std::size_t>(half) + 1);
+  double all = 0;
+  for (int k = 0; k <= half; ++k) {
+    weight[static_cast<std::size_t>(k)] = det_exp(-0.5 * k * k / (sigma * sigma));
+    all += (k == 0 ? 1.0 : 2.0) * weight[static_cast<std::size_t>(k)];
   }
+  const auto smooth = [&](int at) {
+    double sum = weight[0] * curve.force[static_cast<std::size_t>(at)];
+    for (int k = 1; k <= half; ++k) {
+      sum += weight[static_cast<std::size_t>(k)] *
+             (curve.force[static_cast<std::size_t>(at - k)] + curve.force[static_cast<std::size_t>(at + k)]);
+    }
+    return sum / all;
+  };
+  // Mean over a bin: the sum over all bins is the force again.
+  Column column{};
+  for (int k = 0; k < kReach; ++k) {
+    const int at = kMargin + k * kFine;
+    const double fall = smooth(at - kFine / 2) - smooth(at + kFine / 2);
+    column.q[k % 2][k / 2] = static_cast<float>(fall / (kTwoPi * bin_));
+  }
+  Areas areas = {};
+  for (int b = kBinsAbove; b < kBins; ++b)
+    areas[b] = static_cast<float>(kTwoPi * bin_ * (b == kBinsAbove ? 0.5 : 1.0));
+  column.log_peak = log_peak(column, areas);
+  return column;
 }
 
 double RetractionKernel::log_peak(const Column& column, const Areas& areas) noexcept {
@@ -163,6 +166,7 @@ std::uint64_t RetractionKernel::hash() const noexcept {
   };
   add(bin_);
   add(first_);
+  for (const float near : nearness_) add(near);
   for (const Column& column : columns_) {
     for (const auto& parity : column.q) {
       for (const float q : parity) add(q);

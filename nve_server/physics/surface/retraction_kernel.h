@@ -16,7 +16,8 @@ namespace telenano::physics {
 ///           and over a ground of which N(d) dd is the area at depths d below the top
 ///             F(w) = ∫ N(d) q_R(w + d) dd,
 ///           R that of the finest foot: it is pressed while a wider ground beside it still attracts, and small feet
-///           are stiffer for their size than large ones. excess = ln(max −F / max −F_R) >= 0 or so.
+///           are stiffer for their size than large ones. excess = ln(max −F / max −F_R). It is below 0 where ρ of one
+///           exponential has counted ground in that is out of reach.
 /// Elastic   Each part bears its own load here, as if the others did not move it. Two things of elastic bodies are
 ///           put in by a number each. Feet do not let go at one gap: F_R is smoothed by a Gaussian of σ = kSmoothing
 ///           times the way from no force to the greatest attraction. And feet close by are moved with the one that
@@ -24,7 +25,7 @@ namespace telenano::physics {
 ///           foot.
 /// Errors    Pull-off against boundary elements with Lennard-Jones adhesion, over eight self-affine grounds, 384
 ///           places (rms slope 0.12 to 0.4; half of them dilated by a tip of 6 to 15 nm), where the two numbers were
-///           chosen: median 2.6 %, ninth decile 8.8 %; without the rise 4.2 and 15 %. At 96 places of four other
+///           chosen (they are not kept): median 2.6 %, ninth decile 8.8 %; without the rise 4.2 and 15 %. At 96 places of four other
 ///           grounds (`ctest -R SelfAffine`) 1.9 and 7.6 %. The midpoint rule over areas leaves some 1e-3 on planes.
 class RetractionKernel {
  public:
@@ -44,7 +45,7 @@ class RetractionKernel {
   /// By how much ρ = ln(R/1 nm) of the finest foot must rise for the pull-off of all, within ± kMostRise. No
   /// allocation.
   double log_rise(const Areas& areas, double log_radius) const noexcept;
-  /// Of that what each part adds that bears its own load. Not a number above −inf where nothing attracts.
+  /// The excess above: each part bears its own load. −∞ where nothing attracts.
   double log_excess(const Areas& areas, double log_radius) const noexcept;
 
   /// FNV-1a over all that log_rise() depends on; 0 where not active.
@@ -62,6 +63,13 @@ class RetractionKernel {
     float q[2][(kReach + 1) / 2 + 1];
     double log_peak;  ///< of a single foot, over its radius
   };
+  struct Scale {
+    double peak = 0;   // gap of the greatest attraction
+    double way = 0;    // to there from no force
+    double range = 0;  // from there to half of it; 0: nothing attracts
+  };
+  static Scale scale(const ForcePerRadius& force, double tip_radius_nm);
+  Column column(const ForcePerRadius& force, double log_radius, double first_gap_nm) const;
   static double log_peak(const Column& column, const Areas& areas) noexcept;
 
   double bin_ = 0;

@@ -4,16 +4,13 @@
 #include <cmath>
 #include <random>
 
+#include "telenano/nve_server/physics/potential/retraction.h"
+
 namespace telenano::elastic {
 
 double retraction_force_nn(const physics::BranchPotential& law, const physics::ContactJet& jet) noexcept {
   physics::PotentialJet potential;
-  physics::CurveHint hint;
-  physics::ContactSize size;
-  if (jet.overlap_nm < law.borders(jet.log_radius).leave_nm ||
-      !law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) {
-    law.outside(jet.overlap_nm, jet.log_radius, potential);
-  }
+  physics::retraction(law, jet.overlap_nm, jet.log_radius, potential);
   return -(potential.force_nn * jet.overlap_grad.z() +
            potential.by_radius_aj * jet.log_radius_grad_per_nm.z());
 }
