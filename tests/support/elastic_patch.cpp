@@ -9,6 +9,7 @@ namespace telenano::testing {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kRimConstant = 0.473;
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0;
@@ -217,6 +218,60 @@ double ElasticPatch::adhere(const std::vector<double>& gap, const Adhesion& adhe
   double sum = 0;
   for (const double one : pull) sum += one;
   return -sum * spacing_nm() * spacing_nm();
+}
+
+double ElasticPatch::stick(const std::vector<double>& gap, double work_n_per_m, Touching& state) const {
+  const std::size_t count = gap.size();
+  state.element.resize(count, 0);
+  state.pull_gpa.resize(count, 0.0);
+  std::vector<char>& touching = state.element;
+  std::vector<double>& pull = state.pull_gpa;
+  const double limit = std::sqrt(modulus_ * work_n_per_m / (kRimConstant * spacing_nm()));
+  std::vector<double> u, r(count), d(count), ad;
+  const auto residual = [&] {
+    filter(pull, u, [](double k) { return 1 / k; });
+    double square = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      r[k] = touching[k] != 0 ? gap[k] - u[k] : 0.0;
+      square += r[k] * r[k];
+    }
+    return square;
+  };
+  for (int round = 0; round < 2000; ++round) {
+    // u = gap where it touches, by conjugate gradients.
+    double square = residual();
+    d = r;
+    const double aim = 1e-14 * static_cast<double>(count);
+    for (int iteration = 0; iteration < 500 && square > aim; ++iteration) {
+      filter(d, ad, [](double k) { return 1 / k; });
+      double bend = 0;
+      for (std::size_t k = 0; k < count; ++k) bend += touching[k] != 0 ? d[k] * ad[k] : 0.0;
+      const double alpha = square / bend;
+      double next = 0;
+      for (std::size_t k = 0; k < count; ++k) {
+        if (touching[k] == 0) continue;
+        pull[k] += alpha * d[k];
+        r[k] -= alpha * ad[k];
+        next += r[k] * r[k];
+      }
+      for (std::size_t k = 0; k < count; ++k) d[k] = touching[k] != 0 ? r[k] + next / square * d[k] : 0.0;
+      square = next;
+    }
+    residual();
+    bool changed = false;
+    for (std::size_t k = 0; k < count; ++k) {
+      if (touching[k] != 0 ? pull[k] > limit : gap[k] - u[k] < -1e-9) {
+        touching[k] = touching[k] != 0 ? 0 : 1;
+        if (touching[k] == 0) pull[k] = 0;
+        changed = true;
+      }
+    }
+    if (changed) continue;
+    double sum = 0;
+    for (const double one : pull) sum += one;
+    return -sum * spacing_nm() * spacing_nm();
+  }
+  return std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace telenano::testing

@@ -15,9 +15,14 @@
 ///             p(g) = (8w/3z0) [(z0/g)³ − (z0/g)⁹],  g = z + tip − ground − u.
 ///           Without adhesion g >= 0, p <= 0, p g = 0 (Polonsky and Keer's conjugate gradients, Wear 231
 ///           (1999) 206).
+///           Adhesion of no range (Johnson, Kendall and Roberts; soft samples): an element comes off where its
+///           pull exceeds √(E* w/(0.473 h)), h its width, which lets go of as much elastic energy as w costs
+///           (Pohrt and Popov, Facta Universitatis Mech. Eng. 13 (2015) 3; here with a constant of its own, as
+///           the elements are waves').
 /// Units     nm, GPa, N/m, nN.
-/// Validity  Slopes small enough for the half-space; contact radius below 0.15 L; elements below z0 or so,
-///           else the attraction is felt at single elements.
+/// Validity  Slopes small enough for the half-space; contact radius below 0.15 L; elements below z0 and below
+///           the width E* z0²/w over which the attraction falls off at a rim, else the attraction is felt at
+///           single elements. Without range: some sixteen elements to a contact radius.
 namespace telenano::testing {
 
 class ElasticPatch {
@@ -44,6 +49,15 @@ class ElasticPatch {
   /// The same with adhesion, from the displacement u on (in: the last state, so that a path is followed; out:
   /// the balance). NaN if Newton's method finds none.
   double adhere(const std::vector<double>& gap, const Adhesion& adhesion, std::vector<double>& u) const;
+  /// What touches, and the traction that pulls there (GPa, negative: presses).
+  struct Touching {
+    std::vector<char> element;
+    std::vector<double> pull_gpa;
+  };
+  /// The force with adhesion of no range, from the state on (in: the last, so that a path is followed; empty:
+  /// nothing touches. Out: the balance). NaN if none is found.
+  double stick(const std::vector<double>& gap, double work_n_per_m, Touching& state) const;
+
   /// Traction that pulls element by element at a state of adhere(), GPa.
   static std::vector<double> pull_gpa(const std::vector<double>& gap, const Adhesion& adhesion,
                                       const std::vector<double>& u);

@@ -45,7 +45,8 @@ checks() {
   until_approaches() { local i; for ((i = 0; i < 600; ++i)); do [ "$(approaches)" = "$1" ] && return 0; sleep 0.1; done; approaches; return 1; }
   with_an_afm() {
     local i
-    cp /etc/telenano/nve.env /tmp/nve.env
+    # Not in /tmp, which this systemd may clean while the checks run.
+    cp /etc/telenano/nve.env /etc/telenano/nve.env.before
     sed -e 's/^link_loss_ms = .*/link_loss_ms = 5000.0/' -e 's/^reply_timeout_ms = .*/reply_timeout_ms = 5000.0\nstale_force_ms = 5000.0/' \
       /usr/share/telenano/afm.toml >/etc/telenano/afm.toml
     echo 'TELENANO_SERVE=--slave nanonis --controller 127.0.0.1 --ports 6501-6504 --afm /etc/telenano/afm.toml --without-deadman --listen 127.0.0.1:5100' \
@@ -105,7 +106,7 @@ checks() {
     check "AFM: stops at last" systemctl stop telenano-nve
     check "AFM: no guard is left" until_no_guard 20
     check "AFM: at last the tip is withdrawn" tip_of sim3 withdrawn
-    cp /tmp/nve.env /etc/telenano/nve.env
+    mv /etc/telenano/nve.env.before /etc/telenano/nve.env
     rm /etc/telenano/afm.toml
   }
 

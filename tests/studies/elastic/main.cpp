@@ -171,9 +171,16 @@ int main(int argc, char** argv) {
   app.add_option("--adhesion-n-m", options.probe.adhesion.work_n_per_m, "work of adhesion")
       ->check(between(0, 10))
       ->capture_default_str();
-  app.add_option("--spacing-nm", options.probe.spacing_nm, "of the 128 x 128 elements")
+  app.add_option("--spacing-nm", options.probe.spacing_nm, "of the elements")
       ->check(between(1e-3, 100))
       ->capture_default_str();
+  app.add_option("--elements", options.probe.elements, "along each side: a power of two")
+      ->check(CLI::IsMember({64, 128, 256, 512}))
+      ->capture_default_str();
+  app.add_flag(
+      "--short-range", options.probe.short_range,
+      "adhesion of no range (JKR), for soft samples: elements come off where their pull lets go of the "
+      "work of adhesion");
   app.add_option("--heights-times", options.heights_times, "makes a scan steeper")
       ->check(between(0, 1e3))
       ->capture_default_str();
@@ -194,6 +201,7 @@ int main(int argc, char** argv) {
       ->check(between(1e-4, 1.0))
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
+  if (options.probe.short_range) options.probe.axis_x = 0.37, options.probe.axis_y = 0.21;
   try {
     require_meaning(options);
     const std::string& first = options.what.front();

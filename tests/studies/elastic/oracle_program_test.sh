@@ -16,6 +16,7 @@ refuses --modulus-gpa --modulus-gpa nan flat
 refuses --modulus-gpa --modulus-gpa -3 flat
 refuses --spacing-nm --spacing-nm 0 flat
 refuses --spacing-nm --spacing-nm -1 flat
+refuses --elements --elements 100 flat
 refuses --radius-nm --radius-nm 0 flat
 refuses --adhesion-n-m --adhesion-n-m -1 flat
 refuses --heights-times --heights-times inf "$scan" 5,5

@@ -51,13 +51,31 @@ Ground ground_of(const Probe& probe, const surface::HeightGrid& scan, double x_n
   });
 }
 
+namespace {
+
+/// Half as much again, by gap, as a sphere has without load after Johnson, Kendall and Roberts:
+/// a³ = 6πwR²/K, K = 4E*/3. What is too far away comes off at the first height.
+testing::ElasticPatch::Touching wide_contact(const Probe& probe, const Ground& ground) {
+  const double pi = 3.14159265358979323846, r = probe.radius_nm;
+  const double a = std::cbrt(6 * pi * probe.adhesion.work_n_per_m * r * r / (4.0 / 3 * probe.modulus_gpa));
+  testing::ElasticPatch::Touching touching;
+  for (const double gap : ground.gap) touching.element.push_back(gap < 0.75 * a * a / r ? 1 : 0);
+  touching.pull_gpa.assign(ground.gap.size(), 0.0);
+  return touching;
+}
+
+}  // namespace
+
 std::vector<State> follow(const Probe& probe, const Ground& ground, const std::vector<double>& z_nm) {
   const testing::ElasticPatch patch(probe.elements, probe.elements * probe.spacing_nm, probe.modulus_gpa);
   std::vector<State> states;
   std::vector<double> u(ground.gap.size(), 0.0), gap(ground.gap.size());
+  testing::ElasticPatch::Touching touching;
+  if (probe.short_range) touching = wide_contact(probe, ground);
   for (const double z : z_nm) {
     for (std::size_t k = 0; k < gap.size(); ++k) gap[k] = ground.gap[k] + z;
-    states.push_back({z, patch.adhere(gap, probe.adhesion, u)});
+    states.push_back({z, probe.short_range ? patch.stick(gap, probe.adhesion.work_n_per_m, touching)
+                                           : patch.adhere(gap, probe.adhesion, u)});
   }
   return states;
 }

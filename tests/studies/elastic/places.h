@@ -14,8 +14,13 @@ struct Probe {
   double radius_nm = 20;
   double modulus_gpa = 52.5;
   testing::ElasticPatch::Adhesion adhesion;
+  /// Adhesion of no range (JKR) instead, for soft samples: ElasticPatch::stick().
+  bool short_range = false;
   int elements = 128;
   double spacing_nm = 0.2604;
+  /// Where the tip's axis stands from the middle of an element, in elements. Off the middle, the rim of a sphere's
+  /// contact does not come off in rings.
+  double axis_x = 0, axis_y = 0;
 };
 
 /// The undeformed gap of the patch's elements with the sphere at first touch, and the apex height there.
@@ -33,7 +38,8 @@ Ground ground_of(const Probe& probe, const testing::ElasticPatch& patch, Height 
   double least = 1e300;
   for (int j = 0; j < probe.elements; ++j) {
     for (int i = 0; i < probe.elements; ++i) {
-      const double x = patch.offset_nm(i), y = patch.offset_nm(j);
+      const double x = patch.offset_nm(i) + probe.axis_x * probe.spacing_nm,
+                   y = patch.offset_nm(j) + probe.axis_y * probe.spacing_nm;
       ground.gap.push_back(testing::sphere_profile(probe.radius_nm, x, y) - height(x, y));
       if (ground.gap.back() < least) least = ground.gap.back();
     }
@@ -49,7 +55,8 @@ struct State {
 };
 
 /// Balances at the given heights, one after the other from the last one's displacement (so along the branch
-/// of the first). NaN where none is found.
+/// of the first). NaN where none is found. With adhesion of no range the first is met from a wide contact, as the
+/// attraction of longer range would have made it.
 std::vector<State> follow(const Probe& probe, const Ground& ground, const std::vector<double>& z_nm);
 
 /// The tip pressed and led along x at a constant apex height.
