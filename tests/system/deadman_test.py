@@ -179,11 +179,13 @@ class Rig(unittest.TestCase):
         return subprocess.run([sys.executable, "-B", SOURCE / "deploy/afm/deadman.py", "clear", "--config", self.path / "deadman.toml"],
                               capture_output=True, text=True, timeout=LONG_S, check=False)
 
-    def serve_words(self, host="127.0.0.1", with_deadman=True, flags=()):
+    def serve_words(self, host="127.0.0.1", with_deadman=True, along_slope=None, flags=()):
         text = (SOURCE / "deploy/afm.toml").read_text()
         # The patience that a machine with many programs needs: no real-time promise here.
         text = text.replace("link_loss_ms = 100.0", "link_loss_ms = 3000.0")
         text = text.replace("reply_timeout_ms = 100.0", "stale_force_ms = 1000.0\nreply_timeout_ms = 1000.0")
+        if along_slope is not None:
+            text = text.replace("\nslope_max =", f"\nalong_slope = {along_slope}\nslope_max =")
         if with_deadman:
             text += '\n[deadman]\nkey = "server.key"\n'
             if not (self.path / "server.key").exists():
@@ -419,6 +421,14 @@ class Start(Rig):
         self.simulator()
         server = self.server(with_deadman=False, flags=["--without-deadman"])
         self.assertRegex(server.text, r"without a deadman: if this machine dies.*SafeTip acts at some 460 nN")
+        self.assertIn("without limits.along_slope: no signal shows the force", server.text)
+        server.stop()
+
+    def test_a_known_slope_is_no_risk_that_is_said(self):
+        self.simulator()
+        server = self.server(with_deadman=False, along_slope=0.5, flags=["--without-deadman"])
+        self.assertIn("without a deadman", server.text)
+        self.assertNotIn("along_slope", server.text)
         server.stop()
 
     def test_a_second_server_is_refused(self):

@@ -35,6 +35,25 @@ afm::DeadmanKey read_deadman_key(const std::string& file) {
   return *key;
 }
 
+/// What the operator takes upon himself by the description as it is: a line each (SAFETY.md).
+std::vector<std::string> risks_of(const afm::AfmConfig& config) {
+  std::vector<std::string> risks;
+  if (config.deadman_key.empty()) {
+    // As the checks set SafeTip: two steps above the slave's own trip.
+    const double safe_tip_nn = config.force_max_nn + 4 * config.step_nm * config.spring_constant_n_m;
+    risks.push_back(fmt::format(
+        "without a deadman: if this machine dies, or the network to the controller, with the tip on the "
+        "sample, it stays there; the controller's SafeTip acts at some {:.0f} nN only",
+        safe_tip_nn));
+  }
+  if (config.along_slope == 0) {
+    risks.push_back(
+        "without limits.along_slope: no signal shows the force of a face that leans along the lever, "
+        "thousands of nN on the corner of a wall of 20 nm; tell how steep the sample is, if you know");
+  }
+  return risks;
+}
+
 }  // namespace
 
 struct ServeAfm::Running {
@@ -126,18 +145,9 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
   auto running = std::make_unique<Running>();
   running->latch = std::make_unique<TipLatch>(state_folder(state_), emergency);
   options.approved = !running->latch->held();
-  std::string risk;
-  if (config.deadman_key.empty()) {
-    // As the checks set SafeTip: two steps above the slave's own trip.
-    const double safe_tip_nn = config.force_max_nn + 4 * config.step_nm * config.spring_constant_n_m;
-    risk = fmt::format(
-        "without a deadman: if this machine dies, or the network to the controller, with the tip on the "
-        "sample, it stays there; the controller's SafeTip acts at some {:.0f} nN only",
-        safe_tip_nn);
-  }
-  options.before_approach = [latch = running->latch.get(), news, risk] {
+  options.before_approach = [latch = running->latch.get(), news, risks = risks_of(config)] {
     latch->set();
-    if (!risk.empty()) news(risk);
+    for (const std::string& risk : risks) news(risk);
   };
   options.take_approval = [latch = running->latch.get()] { return latch->take_approval(); };
   afm::await_last_guard(emergency, stop, news);
