@@ -5,6 +5,8 @@
 // which goes by the distance from touch, included. Grids too coarse for the crater spread it over
 // kLeastNodes of theirs. ρ follows the depth by the flow's own law; what then lacks to the rise at the mark
 // the 16 coefficients share that reach it. The cosine stays.
+#include <emmintrin.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -59,6 +61,7 @@ std::uint64_t word_of(std::uint64_t place, const double* value, bool two_levels)
 /// itself (roots, divisions, a series); in loops of a few operations each several are under way at once.
 struct CraterRow {
   static constexpr int kMost = 64;
+  static_assert(kMost % 2 == 0);
   int count = 0;
   int column[kMost];
   double level[kMost], fall[kMost], rise[kMost];
@@ -87,11 +90,17 @@ struct CraterRow {
     det_exp_each(origin, static_cast<std::size_t>(count), origin);
     det_exp_each(old, static_cast<std::size_t>(count), old);
     for (int k = 0; k < count; ++k) old[k] *= strain;
-    for (int k = 0; k < count; ++k) {
-      const FlowFamily family(strain, origin[k], last_a);
-      const double after =
-          fall[k] > 0.0 ? family.elastic_nm(family.after_nm(old[k], fall[k] * cosine[k])) : old[k];
-      more[k] = after > old[k] ? after / old[k] - 1.0 : 0.0;
+    if (count % 2 != 0) {  // the last goes with one that is thrown away
+      origin[count] = old[count] = cosine[count] = 1.0;
+      fall[count] = 0.0;
+    }
+    for (int k = 0; k < count; k += 2) {
+      const __m128d before = _mm_loadu_pd(old + k), falls = _mm_loadu_pd(fall + k);
+      const __m128d after = elastic_after_two_nm(strain, _mm_loadu_pd(origin + k), last_a, before,
+                                                 _mm_mul_pd(falls, _mm_loadu_pd(cosine + k)));
+      // Where it rises, or does not fall at all, the radius stays.
+      const __m128d grows = _mm_and_pd(_mm_cmpgt_pd(falls, _mm_setzero_pd()), _mm_cmpgt_pd(after, before));
+      _mm_storeu_pd(more + k, _mm_and_pd(grows, _mm_sub_pd(_mm_div_pd(after, before), _mm_set1_pd(1.0))));
     }
     log_one_plus(more, count, rise);
   }
