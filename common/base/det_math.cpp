@@ -1,9 +1,10 @@
 #include "telenano/common/base/det_math.h"
 
+#include <emmintrin.h>
+
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <initializer_list>
 #include <limits>
 
 namespace telenano {
@@ -80,23 +81,55 @@ SinCos det_sin_cos(double x) noexcept {
   }
 }
 
+namespace {
+
+// x = n ln2 + r, ln2 in two parts, the first with 32 trailing zero bits.
+constexpr double kLn2Hi = 6.93147180369123816490e-01;
+constexpr double kLn2Lo = 1.90821492927058770002e-10;
+constexpr double kPerLn2 = 1.44269504088896338700;
+constexpr double kExpFirst = 1.0 / 6227020800.0;
+constexpr double kExpNext[] = {1.0 / 479001600.0,
+                               1.0 / 39916800.0,
+                               1.0 / 3628800.0,
+                               1.0 / 362880.0,
+                               1.0 / 40320.0,
+                               1.0 / 5040.0,
+                               1.0 / 720.0,
+                               1.0 / 120.0,
+                               1.0 / 24.0,
+                               1.0 / 6.0,
+                               0.5};
+
+/// Both between −700 and 700.
+__m128d exp_of_two(__m128d x) noexcept {
+  const __m128d at = _mm_add_pd(_mm_mul_pd(x, _mm_set1_pd(kPerLn2)), _mm_set1_pd(0.5));
+  const __m128d cut = _mm_cvtepi32_pd(_mm_cvttpd_epi32(at));
+  const __m128d n = _mm_sub_pd(cut, _mm_and_pd(_mm_cmpgt_pd(cut, at), _mm_set1_pd(1.0)));  // floor
+  const __m128d low = _mm_mul_pd(n, _mm_set1_pd(kLn2Lo));
+  const __m128d hi = _mm_sub_pd(x, _mm_mul_pd(n, _mm_set1_pd(kLn2Hi)));
+  const __m128d r = _mm_sub_pd(hi, low);
+  const __m128d tail = _mm_sub_pd(_mm_sub_pd(hi, r), low);
+  __m128d p = _mm_set1_pd(kExpFirst);
+  for (const double inverse : kExpNext) p = _mm_add_pd(_mm_mul_pd(p, r), _mm_set1_pd(inverse));
+  const __m128d y =
+      _mm_add_pd(_mm_set1_pd(1.0), _mm_add_pd(r, _mm_add_pd(_mm_mul_pd(_mm_mul_pd(r, r), p), tail)));
+  const __m128i biased = _mm_add_epi32(_mm_cvttpd_epi32(n), _mm_set1_epi32(1023));  // above 0
+  const __m128i wide = _mm_unpacklo_epi32(biased, _mm_setzero_si128());
+  return _mm_mul_pd(y, _mm_castsi128_pd(_mm_slli_epi64(wide, 52)));
+}
+
+}  // namespace
+
 double det_exp(double x) noexcept {
   if (std::isnan(x)) return x;
   if (x > 709.78) return std::numeric_limits<double>::infinity();
   if (x < -745.0) return 0.0;
-  // x = n ln2 + r, ln2 in two parts, the first with 32 trailing zero bits.
-  constexpr double kLn2Hi = 6.93147180369123816490e-01;
-  constexpr double kLn2Lo = 1.90821492927058770002e-10;
-  const double n = std::floor(x * 1.44269504088896338700 + 0.5);
+  const double n = std::floor(x * kPerLn2 + 0.5);
   const double hi = x - n * kLn2Hi;
   const double r = hi - n * kLn2Lo;
   const double tail = (hi - r) - n * kLn2Lo;
-  double p = 1.0 / 6227020800.0;
-  for (const double inverse :
-       {1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0, 1.0 / 362880.0, 1.0 / 40320.0, 1.0 / 5040.0,
-        1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5}) {
-    p = p * r + inverse;
-  }
+  double p = kExpFirst;
+  for (const double inverse : kExpNext) p = p * r + inverse;
   const double y = 1.0 + (r + (r * r * p + tail));
   const int k = static_cast<int>(n);
   if (k > -1020 && k < 1020) {  // y lies in (0.7, 1.5): exact
@@ -104,6 +137,20 @@ double det_exp(double x) noexcept {
   }
   // Scale by 2^n in two steps so that subnormal results come out right.
   return std::ldexp(std::ldexp(y, k / 2), k - k / 2);
+}
+
+void det_exp_each(const double* x, std::size_t count, double* exp) noexcept {
+  constexpr double kMost = 700;
+  std::size_t i = 0;
+  for (; i + 1 < count; i += 2) {
+    if (std::fabs(x[i]) <= kMost && std::fabs(x[i + 1]) <= kMost) {
+      _mm_storeu_pd(exp + i, exp_of_two(_mm_loadu_pd(x + i)));
+      continue;
+    }
+    exp[i] = det_exp(x[i]);
+    exp[i + 1] = det_exp(x[i + 1]);
+  }
+  if (i < count) exp[i] = det_exp(x[i]);
 }
 
 double det_log(double x) noexcept {

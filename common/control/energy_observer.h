@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "telenano/common/base/vec3.h"
@@ -59,7 +60,7 @@ class EnergyObserver {
     const double put_in_j = -(work_j.x() + work_j.y() + work_j.z());
     for (int axis = 0; axis < 3; ++axis) {
       energy_.add(-work_j[axis]);
-      max_force_n_[axis] = std::fmax(max_force_n_[axis], std::fabs(applied_force_h_n[axis]));
+      max_force_n_[axis] = std::max(max_force_n_[axis], std::fabs(applied_force_h_n[axis]));
     }
     if (put_in_j > 0) energy_in_.add(put_in_j);
     if (put_in_j < 0) energy_out_.add(-put_in_j);

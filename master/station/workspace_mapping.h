@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cmath>
-
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/control/scaling.h"
 
@@ -35,7 +33,10 @@ class WorkspaceMapping {
     target_w_nm_ = anchor_tip_w_nm_ + scaling_.tip_displacement_nm(hand_pos_h_m - anchor_hand_h_m_);
     for (int axis = 0; axis < 3; ++axis) {
       if (!(min_w_nm_[axis] < max_w_nm_[axis])) continue;
-      target_w_nm_[axis] = std::fmin(std::fmax(target_w_nm_[axis], min_w_nm_[axis]), max_w_nm_[axis]);
+      // Not std::clamp: what is no number goes to the lower end.
+      double& target_nm = target_w_nm_[axis];
+      if (!(target_nm > min_w_nm_[axis])) target_nm = min_w_nm_[axis];
+      if (!(target_nm < max_w_nm_[axis])) target_nm = max_w_nm_[axis];
     }
   }
 

@@ -607,6 +607,7 @@ void Server::poll(std::int64_t now_ns) noexcept {
   }
   if (shared()) return withdraw_shared_tip(now_ns);
   write_checkpoints(now_ns);
+  if (table_.occupied() == table_.active()) return;  // nobody leaves
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
     const bool leaving =

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <emmintrin.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -49,5 +51,28 @@ struct FlowFamily {
     return std::max(from_nm, 0.5 * origin_nm * (strain + std::sqrt(strain * strain + 4.0 * c / origin_nm)));
   }
 };
+
+/// after_nm(), then elastic_nm(), of two places of one material at once, with the bits of FlowFamily.
+inline __m128d elastic_after_two_nm(double strain_, __m128d origin_nm, double last_nm, __m128d from_nm,
+                                    __m128d depth_nm) noexcept {
+  const __m128d strain = _mm_set1_pd(strain_);
+  const auto choose = [](__m128d which, __m128d yes, __m128d no) {
+    return _mm_or_pd(_mm_and_pd(which, yes), _mm_andnot_pd(which, no));
+  };
+  const __m128d first = _mm_mul_pd(strain, origin_nm);
+  const __m128d below = _mm_cmplt_pd(from_nm, first);
+  const __m128d room = _mm_mul_pd(strain, _mm_sub_pd(first, from_nm));
+  const __m128d stays = _mm_and_pd(below, _mm_cmple_pd(depth_nm, room));
+  const __m128d stayed = _mm_add_pd(from_nm, _mm_div_pd(depth_nm, strain));
+  const __m128d depth = choose(below, _mm_sub_pd(depth_nm, room), depth_nm);
+  const __m128d from = choose(below, first, from_nm);
+  const __m128d c = _mm_add_pd(_mm_mul_pd(from, _mm_sub_pd(_mm_div_pd(from, origin_nm), strain)), depth);
+  const __m128d square =
+      _mm_add_pd(_mm_mul_pd(strain, strain), _mm_div_pd(_mm_mul_pd(_mm_set1_pd(4.0), c), origin_nm));
+  const __m128d root =
+      _mm_mul_pd(_mm_mul_pd(_mm_set1_pd(0.5), origin_nm), _mm_add_pd(strain, _mm_sqrt_pd(square)));
+  const __m128d after = choose(stays, stayed, _mm_max_pd(root, from));  // as std::max(from, root)
+  return _mm_min_pd(_mm_set1_pd(last_nm), after);                       // as std::min(after, last)
+}
 
 }  // namespace telenano::physics

@@ -168,6 +168,36 @@ double BicubicSpline::node_value(int column, int row) const noexcept {
   return (line(row - 1) + 4.0 * line(row) + line(row + 1)) / 36.0;
 }
 
+void BicubicSpline::node_values(int column, int row, int count, double* value) const noexcept {
+  const double* const low = &coefficients_[offset(column - 1, row - 1)];
+  const double* const here = low + stride_;
+  const double* const high = here + stride_;
+  const auto line = [](const double* c, int i) { return c[i] + 4.0 * c[i + 1] + c[i + 2]; };
+  for (int i = 0; i < count; ++i) value[i] = (line(low, i) + 4.0 * line(here, i) + line(high, i)) / 36.0;
+}
+
+void BicubicSpline::raise(int column, int row, int count, const double* level, double per_level) noexcept {
+  const bool mirrored = row <= 1 || row >= rows_ - 2 || column <= 1 || column + count - 1 >= columns_ - 2;
+  if (mirrored) {
+    for (int i = 0; i < count; ++i) {
+      if (level[i] > 0.0)
+        set_coefficient(column + i, row, coefficient(column + i, row) + per_level * level[i]);
+    }
+    return;
+  }
+  const std::size_t first = offset(column, row);
+  double* const line = &coefficients_[first];
+  std::uint64_t change = 0;
+  for (int i = 0; i < count; ++i) {
+    if (!(level[i] > 0.0)) continue;
+    const std::uint64_t place = first + static_cast<std::size_t>(i);
+    const double raised = line[i] + per_level * level[i];
+    change += word_of(place, raised) - word_of(place, line[i]);
+    line[i] = raised;
+  }
+  changes_ += change;
+}
+
 int BicubicSpline::column_of(double x_nm) const noexcept {
   return static_cast<int>(std::clamp((x_nm - x_first_) * inv_dx_ + 0.5, 0.0, columns_ - 1.0));
 }

@@ -64,6 +64,11 @@ class BicubicSpline {
   /// 0: all as they were made.
   std::uint64_t changes_digest() const noexcept { return changes_; }
   double node_value(int column, int row) const noexcept;
+  /// Of `count` nodes in a row, from `column` on; the bits are those of node_value().
+  void node_values(int column, int row, int count, double* value) const noexcept;
+  /// Each of `count` coefficients in a row, from `column` on, rises by per_level · level where its level is above
+  /// 0, as if each were set.
+  void raise(int column, int row, int count, const double* level, double per_level) noexcept;
 
   double x_first_nm() const noexcept { return x_first_; }
   double y_first_nm() const noexcept { return y_first_; }

@@ -5,6 +5,8 @@
 // which goes by the distance from touch, included. Grids too coarse for the crater spread it over
 // kLeastNodes of theirs. ρ follows the depth by the flow's own law; what then lacks to the rise at the mark
 // the 16 coefficients share that reach it. The cosine stays.
+#include <emmintrin.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -54,6 +56,55 @@ std::uint64_t word_of(std::uint64_t place, const double* value, bool two_levels)
   if (!two_levels) return word;
   return folded_product(word ^ bits(3), bits(4) ^ 0x94d049bb133111ebu);
 }
+
+/// Some coefficients in a row of a crater: by how much H falls and ρ rises. What one of them takes waits for
+/// itself (roots, divisions, a series); in loops of a few operations each several are under way at once.
+struct CraterRow {
+  static constexpr int kMost = 64;
+  static_assert(kMost % 2 == 0);
+  int count = 0;
+  int column[kMost];
+  double level[kMost], fall[kMost], rise[kMost];
+
+  void add(int i, double level_, double fall_) noexcept {
+    column[count] = i;
+    level[count] = level_;
+    fall[count] = fall_;
+    ++count;
+  }
+
+  void rise_by_level(double log_radius_rise) noexcept {
+    for (int k = 0; k < count; ++k) rise[k] = level[k] * log_radius_rise;
+  }
+
+  /// By the flow's own law at the depth that the coefficient falls: `own` and `made` begin with the row's.
+  void rise_by_flow(const double* own, const double* made, std::size_t lanes, double strain,
+                    double last_a) noexcept {
+    double origin[kMost], old[kMost], cosine[kMost], more[kMost];
+    for (int k = 0; k < count; ++k) {
+      const std::size_t at = static_cast<std::size_t>(column[k]) * lanes;
+      origin[k] = made[at + 1];
+      old[k] = own[at + 1];
+      cosine[k] = own[at + 2];
+    }
+    det_exp_each(origin, static_cast<std::size_t>(count), origin);
+    det_exp_each(old, static_cast<std::size_t>(count), old);
+    for (int k = 0; k < count; ++k) old[k] *= strain;
+    if (count % 2 != 0) {  // the last goes with one that is thrown away
+      origin[count] = old[count] = cosine[count] = 1.0;
+      fall[count] = 0.0;
+    }
+    for (int k = 0; k < count; k += 2) {
+      const __m128d before = _mm_loadu_pd(old + k), falls = _mm_loadu_pd(fall + k);
+      const __m128d after = elastic_after_two_nm(strain, _mm_loadu_pd(origin + k), last_a, before,
+                                                 _mm_mul_pd(falls, _mm_loadu_pd(cosine + k)));
+      // Where it rises, or does not fall at all, the radius stays.
+      const __m128d grows = _mm_and_pd(_mm_cmpgt_pd(falls, _mm_setzero_pd()), _mm_cmpgt_pd(after, before));
+      _mm_storeu_pd(more + k, _mm_and_pd(grows, _mm_sub_pd(_mm_div_pd(after, before), _mm_set1_pd(1.0))));
+    }
+    log_one_plus(more, count, rise);
+  }
+};
 
 // What a snapshot may say that marks have done, wherever it comes from: no tip has pressed deeper, no heap
 // stands higher, and the law has no radius beyond (branch_potential.h).
@@ -371,40 +422,46 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
   const double last_a = mark.strain * mark.last_radius_nm;
   double risen[kMostTogether] = {};
   double lost = 0;
+  CraterRow part;
   each_within(1.0, [&](int j, double eta, int left, int right) {
-    for (int i = left; i <= right; ++i) {
-      const double xi = xi_of(i);
-      const double level = crater_level(xi, eta);
-      if (!(level > 0.0)) continue;
-      const double fall = level * (a[0] + a[1] * xi + a[2] * eta);
-      if (inside(i, j)) lost += fall;
-      const bool reached = reaches(i, j);
-      const std::size_t number = number_of(i, j);
+    for (int from = left; from <= right; from += CraterRow::kMost) {
+      part.count = 0;
+      for (int i = from; i <= std::min(right, from + CraterRow::kMost - 1); ++i) {
+        const double xi = xi_of(i);
+        const double level = crater_level(xi, eta);
+        if (!(level > 0.0)) continue;
+        const double fall = level * (a[0] + a[1] * xi + a[2] * eta);
+        if (inside(i, j)) lost += fall;
+        part.add(i, level, fall);
+      }
       for (std::size_t g = 0; g < grids.size(); ++g) {
         Grid& grid = *grids[g];
         const bool two_levels = grid.lanes == kLanes;
-        double* const at = grid.own + number * static_cast<std::size_t>(grid.lanes);
-        if (!reached) grid.digest -= grid.word(number);
-        at[0] -= fall;
-        if (two_levels) at[3] -= fall;
-        double rise = level * mark.log_radius_rise;
+        const auto lanes = static_cast<std::size_t>(grid.lanes);
+        const std::size_t line = number_of(0, j);
         if (mark.strain > 0.0) {
-          rise = 0;
-          if (fall > 0.0) {
-            const double unmarked = grid.made.get()[at - grid.own + 1];
-            const double origin = det_exp(unmarked);
-            const double old = mark.strain * (at[1] == unmarked ? origin : det_exp(at[1]));
-            const FlowFamily family(mark.strain, origin, last_a);
-            const double after = family.elastic_nm(family.after_nm(old, fall * at[2]));
-            if (after > old) rise = LogOnePlus(after / old - 1.0).log();
-          }
-        }
-        at[1] += rise;
-        if (two_levels) at[4] += rise;
-        if (reached) {
-          risen[g] += wx.value[i - column] * wy.value[j - row] * rise;
+          part.rise_by_flow(grid.own + line * lanes, grid.made.get() + line * lanes, lanes, mark.strain,
+                            last_a);
         } else {
-          grid.digest += grid.word(number);
+          part.rise_by_level(mark.log_radius_rise);
+        }
+        for (int k = 0; k < part.count; ++k) {
+          const int i = part.column[k];
+          const bool reached = reaches(i, j);
+          const std::size_t number = line + static_cast<std::size_t>(i);
+          double* const at = grid.own + number * lanes;
+          if (!reached) grid.digest -= grid.word(number);
+          at[0] -= part.fall[k];
+          at[1] += part.rise[k];
+          if (two_levels) {
+            at[3] -= part.fall[k];
+            at[4] += part.rise[k];
+          }
+          if (reached) {
+            risen[g] += wx.value[i - column] * wy.value[j - row] * part.rise[k];
+          } else {
+            grid.digest += grid.word(number);
+          }
         }
       }
     }
@@ -428,28 +485,35 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
     each_within(kHeapReach, [&](int j, double eta, int left, int right) {
       for (int from = left; from <= right; from += HeapRows::kBlock) {
         const int count = std::min(HeapRows::kBlock, right + 1 - from);
-        const double* const level = rows_of_heap.levels(from, count, eta, xi_of);
-        for (int i = 0; i < count; ++i) {
-          if (level[i] > 0.0 && !reaches(from + i, j)) use(from + i, j, level[i]);
-        }
+        use(j, from, count, rows_of_heap.levels(from, count, eta, xi_of));
       }
     });
   };
   double heap = 0;
-  each_of_heap([&](int i, int j, double level) {
-    if (inside(i, j)) heap += level;
+  each_of_heap([&](int j, int from, int count, const double* level) {
+    for (int i = 0; i < count; ++i) {
+      if (level[i] > 0.0 && !reaches(from + i, j) && inside(from + i, j)) heap += level[i];
+    }
   });
   if (!(heap > 0.0)) return;
   const double height = mark.pile_up * lost / heap;
   rows_of_heap.again();
-  each_of_heap([&](int i, int j, double level) {
-    const std::size_t number = number_of(i, j);
-    const double rise = height * level;
+  each_of_heap([&](int j, int from, int count, const double* level) {
     for (Grid* const grid : grids) {
-      double* const at = grid->own + number * static_cast<std::size_t>(grid->lanes);
-      const Grid::Changing changing(*grid, number);
-      at[0] += rise;
-      if (grid->lanes == kLanes) at[3] += rise;
+      const bool two_levels = grid->lanes == kLanes;
+      const std::size_t first = number_of(from, j);
+      double* at = grid->own + first * static_cast<std::size_t>(grid->lanes);
+      std::uint64_t change = 0;
+      for (int i = 0; i < count; ++i, at += grid->lanes) {
+        if (!(level[i] > 0.0) || reaches(from + i, j)) continue;
+        const std::size_t number = first + static_cast<std::size_t>(i);
+        const double rise = height * level[i];
+        change -= word_of(number, at, two_levels);
+        at[0] += rise;
+        if (two_levels) at[3] += rise;
+        change += word_of(number, at, two_levels);
+      }
+      grid->digest += change;
     }
   });
 }

@@ -36,6 +36,7 @@ bool SplineSurface::heap_up(double x, double y, double radius, double volume) no
   const int first_column = height_.column_of(x - reach), last_column = height_.column_of(x + reach);
   const auto xi_of = [&](int column) { return (height_.node_x_nm(column) - x) / radius; };
   HeapRows heap(first_column, last_column, xi_of);
+  // In runs of columns, without the 16.
   const auto each = [&](const auto& use) {
     for (int row = first_row; row <= last_row; ++row) {
       const double eta = (height_.node_y_nm(row) - y) / radius;
@@ -43,22 +44,26 @@ bool SplineSurface::heap_up(double x, double y, double radius, double volume) no
       for (int from = first_column; from <= last_column; from += HeapRows::kBlock) {
         const int count = std::min(HeapRows::kBlock, last_column + 1 - from);
         const double* const level = heap.levels(from, count, eta, xi_of);
-        for (int i = 0; i < count; ++i) {
-          const int column = from + i;
-          if (crosses && column >= at.column && column <= at.column + 3) continue;
-          use(column, row, level[i]);
+        if (!crosses) {
+          use(from, row, count, level);
+          continue;
         }
+        const int before = std::clamp(at.column - from, 0, count);
+        const int behind = std::clamp(at.column + 4 - from, 0, count);
+        use(from, row, before, level);
+        use(from + behind, row, count - behind, level + behind);
       }
     }
   };
   double sum = 0;
-  each([&](int, int, double level) { sum += level; });
+  each([&](int, int, int count, const double* level) {
+    for (int i = 0; i < count; ++i) sum += level[i];
+  });
   if (!(sum > 0.0)) return false;
   const double per_level = volume / sum;
   heap.again();
-  each([&](int column, int row, double level) {
-    if (level > 0.0)
-      height_.set_coefficient(column, row, height_.coefficient(column, row) + per_level * level);
+  each([&](int column, int row, int count, const double* level) {
+    if (count > 0) height_.raise(column, row, count, level, per_level);
   });
   return true;
 }
@@ -167,11 +172,14 @@ void SplineSurface::press(const Mark& mark) noexcept {
   const double reach_sq = (reach + 1.4143 * cell_) * (reach + 1.4143 * cell_);
   for (int row = clamped_row(low - 1); row <= clamped_row(high + 1); ++row) {
     const double ey = height_.node_y_nm(row) - y;
-    for (int column = clamped_column(left - 1); column <= clamped_column(right + 1); ++column) {
+    const auto is_reached = [&](int column) {
       const double ex = height_.node_x_nm(column) - x;
-      if (ex * ex + ey * ey > reach_sq) continue;
-      store(column, row, height_.node_value(column, row));
-    }
+      return !(ex * ex + ey * ey > reach_sq);
+    };
+    int from = clamped_column(left - 1), last = clamped_column(right + 1);
+    while (from <= last && !is_reached(from)) ++from;
+    while (last >= from && !is_reached(last)) --last;
+    store_nodes(from, row, last + 1 - from);
   }
   marked_ = true;
   view_->publish();

@@ -50,6 +50,16 @@ void SplineSurface::store(int column, int row, double z_nm) noexcept {
   view_->store(column, row, z_nm);
 }
 
+void SplineSurface::store_nodes(int column, int row, int count) noexcept {
+  constexpr int kAtOnce = 64;
+  double z_nm[kAtOnce];
+  for (; count > 0; column += kAtOnce, count -= kAtOnce) {
+    const int some = std::min(count, kAtOnce);
+    height_.node_values(column, row, some, z_nm);
+    for (int i = 0; i < some; ++i) store(column + i, row, z_nm[i]);
+  }
+}
+
 void SplineSurface::set_node(int column, int row, const Node& node) noexcept {
   height_.set_coefficient(column, row, node.height_coefficient_nm);
   store(column, row, node.height_nm);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tests/studies/fidelity/lagged_products.h"
+
 namespace telenano::studies::fidelity {
 namespace {
 
@@ -88,12 +90,12 @@ void judge_lag(const TouchTrace& trace, double lag_max_s, FeltMetrics& m) {
   };
   // No further ahead than this: nobody feels what has not happened, and a prediction is not that bad.
   const std::ptrdiff_t ahead = std::min(reach, static_cast<std::ptrdiff_t>(ticks(trace, 0.02)));
+  const std::vector<double> products = lagged_products(trace, ahead, reach);
   double best = 0;
   std::ptrdiff_t at = 0;
   for (std::ptrdiff_t lag = -ahead; lag <= reach; ++lag) {
-    double both = 0;
+    const double both = products[static_cast<std::size_t>(lag + ahead)];
     const std::ptrdiff_t from = std::max<std::ptrdiff_t>(0, lag), to = std::min(n, n + lag);
-    for (std::ptrdiff_t k = from; k < to; ++k) both += at_row(k).felt_h_n.dot(at_row(k - lag).true_h_n);
     const double norm = std::sqrt(between(felt2, from, to) * between(true2, from - lag, to - lag));
     if (norm > 0 && both / norm > best) {
       best = both / norm;

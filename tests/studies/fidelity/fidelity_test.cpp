@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "telenano/common/base/constants.h"
@@ -11,6 +13,7 @@
 #include "telenano/common/config/shared_files.h"
 #include "tests/studies/fidelity/fidelity_grid.h"
 #include "tests/studies/fidelity/haptic_metrics.h"
+#include "tests/studies/fidelity/lagged_products.h"
 #include "tests/studies/fidelity/sensitivity.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/wall_slave.h"
@@ -23,6 +26,48 @@ constexpr std::size_t kTicks = 2000;  // four whole periods at 1 kHz
 
 double angle(double tick) {
   return 2 * kPi * kHz * 1e-3 * tick;
+}
+
+// The sums are compared bit by bit with the loop that the definition says: a lag that is found must not depend on
+// how they are made. Rows without a force, forces along one axis, and forces that are no numbers take ways of
+// their own.
+TEST(LaggedProducts, HaveTheBitsOfThePlainSums) {
+  Random random(7);
+  const auto force = [&](bool lateral) {
+    return Vec3(lateral ? random.normal() : -0.0, lateral ? random.normal() : 0.0, random.normal());
+  };
+  for (const std::size_t rows : {0u, 1u, 5u, 600u, 1500u}) {
+    for (const int kind : {0, 1, 2, 3, 4, 5}) {
+      TouchTrace trace;
+      for (std::size_t k = 0; k < rows; ++k) {
+        TouchTrace::Row row;
+        if (kind == 0 || k % 90 < 40) row.felt_h_n = force(kind != 1);
+        if (kind == 0 || k % 70 < 50) row.true_h_n = force(kind != 2);
+        trace.rows.push_back(row);
+      }
+      if (rows > 4 && kind == 4) trace.rows[4].true_h_n.x() = std::numeric_limits<double>::infinity();
+      if (rows > 4 && kind == 5) trace.rows[3].felt_h_n.y() = std::numeric_limits<double>::quiet_NaN();
+      for (const std::ptrdiff_t wanted : {0, 3, 7, 230}) {
+        const auto n = static_cast<std::ptrdiff_t>(rows);
+        const std::ptrdiff_t reach = std::min(wanted, n / 2), ahead = std::min<std::ptrdiff_t>(20, reach);
+        const std::vector<double> sums = lagged_products(trace, ahead, reach);
+        ASSERT_EQ(std::ssize(sums), ahead + reach + 1);
+        for (std::ptrdiff_t lag = -ahead; lag <= reach; ++lag) {
+          double both = 0;
+          for (std::ptrdiff_t k = std::max<std::ptrdiff_t>(0, lag); k < std::min(n, n + lag); ++k)
+            both += trace.rows[static_cast<std::size_t>(k)].felt_h_n.dot(
+                trace.rows[static_cast<std::size_t>(k - lag)].true_h_n);
+          const double sum = sums[static_cast<std::size_t>(lag + ahead)];
+          if (std::isnan(both)) {
+            EXPECT_TRUE(std::isnan(sum)) << rows << ' ' << kind << ' ' << lag;
+          } else {
+            ASSERT_EQ(std::bit_cast<std::uint64_t>(sum), std::bit_cast<std::uint64_t>(both))
+                << rows << ' ' << kind << ' ' << lag;
+          }
+        }
+      }
+    }
+  }
 }
 
 /// A hand that swings in a spring, which it feels `late` ticks late.

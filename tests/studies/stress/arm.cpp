@@ -1,6 +1,5 @@
 #include "tests/studies/stress/arm.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "tests/support/matrix_exponential.h"
@@ -25,11 +24,18 @@ ArmAxis::ArmAxis(const ArmConfig& config) : config_(config) {
 void ArmAxis::advance(double force_n, double aim_m) noexcept {
   state_[5] = (static_cast<long double>(aim_m) - state_[4]) / static_cast<long double>(config_.period_s);
   state_[6] = force_n;
-  std::array<long double, kMoving> next{};
-  for (std::size_t i = 0; i < kMoving; ++i) {
-    for (std::size_t j = 0; j < kStates; ++j) next[i] += propagator_[i][j] * state_[j];
-  }
-  std::copy(next.begin(), next.end(), state_.begin());
+  const auto row = [this](std::size_t i) {
+    long double sum = 0;
+    for (std::size_t j = 0; j < kStates; ++j) sum += propagator_[i][j] * state_[j];
+    return sum;
+  };
+  // By name, not in an array: copied in words of 16 bytes, what was written in ten would have to leave the
+  // processor's store buffer first.
+  const long double pos = row(0), vel = row(1), arm_pos = row(2), arm_vel = row(3);
+  state_[0] = pos;
+  state_[1] = vel;
+  state_[2] = arm_pos;
+  state_[3] = arm_vel;
   state_[4] = aim_m;
 }
 

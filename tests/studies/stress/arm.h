@@ -32,8 +32,7 @@ class ArmAxis {
   long double stored_j() const noexcept;  ///< kinetic and elastic
 
  private:
-  static constexpr int kStates = 7;  // x_d, v_d, x_a, v_a, u, u̇, F
-  static constexpr int kMoving = 4;  // the others are given anew in each period
+  static constexpr int kStates = 7;  // x_d, v_d, x_a, v_a; given anew in each period u, u̇, F
   using Matrix = std::array<std::array<long double, kStates>, kStates>;
 
   ArmConfig config_;

@@ -52,9 +52,12 @@ class LocalTouch {
       : judged_(felt_limits(spec).has_value()),
         level_(is_task(spec.hand) && spec.scene != SceneKind::kScan),
         slave_(judged_ || level_ ? scenes.make(spec.scene, kWallHeightNm) : nullptr),
+        nve_(dynamic_cast<const slave::NveSlave*>(slave_.get())),
         n_per_nn_(1e-9 * force_scale) {
     if (spec.method == control::Method::kTwin) companding_.gain = spec.compand;
     trace_.period_s = 1 / spec.rate_hz;
+    if (judged_)
+      trace_.rows.reserve(static_cast<std::size_t>((spec.seconds + 6e-3 * spec.rtt_ms + 3) * spec.rate_hz));
   }
   void add(const recording::Sample& row, double dt_s) {
     if (!slave_) return;
@@ -79,9 +82,8 @@ class LocalTouch {
   }
   /// ψ′ as it is written down, of a slave that has not been told of it.
   double companded(bool touches) const noexcept {
-    const auto* const nve = dynamic_cast<const slave::NveSlave*>(slave_.get());
-    if (touches || nve == nullptr || !(nve->stored_aj() < 0)) return 1;
-    const double u = -nve->stored_aj() / companding_.energy_aj;
+    if (touches || nve_ == nullptr || !(nve_->stored_aj() < 0)) return 1;
+    const double u = -nve_->stored_aj() / companding_.energy_aj;
     return 1 + (companding_.gain - 1) / ((1 + u) * (1 + u));
   }
   fidelity::FeltMetrics felt(double lag_max_s) const { return fidelity::measure(trace_, lag_max_s); }
@@ -95,6 +97,7 @@ class LocalTouch {
   bool judged_;  ///< felt_limits() asks for the whole trace
   bool level_;   ///< sums of the normal force mean something
   std::unique_ptr<slave::Slave> slave_;
+  const slave::NveSlave* nve_;  ///< of slave_; null: another kind
   control::CompandingConfig companding_;
   slave::SlaveOutput output_;
   fidelity::TouchTrace trace_;
@@ -234,6 +237,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   RecordWatch record(session.period_s(), spec.quantum_m);
   WrongRecorder recorder(spec.mutant);
 
+  const PressTimes press = press_times(spec.seconds);
   Outcome outcome;
   LocalTouch local(spec, scenes, force_scale);
   Hash hash;
@@ -271,8 +275,10 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     hash.add(hand->pos_h_m().z());
     steps2 += (force_n - last_n) * (force_n - last_n);
     last_n = force_n;
-    outcome.peak_n = std::max(
-        outcome.peak_n, std::hypot(row.hand_force_applied_h_n[0], row.hand_force_applied_h_n[1], force_n));
+    const double x_n = row.hand_force_applied_h_n[0], y_n = row.hand_force_applied_h_n[1];
+    // The sum of the components is no less than the norm, but for rounding, and takes no division.
+    if ((std::fabs(x_n) + std::fabs(y_n) + std::fabs(force_n)) * (1 + 1e-12) > outcome.peak_n)
+      outcome.peak_n = std::max(outcome.peak_n, std::hypot(x_n, y_n, force_n));
     using namespace recording;
     outcome.clamp_ticks += (row.limit_flags & kLimitClamp) != 0;
     outcome.limit_ticks += (row.limit_flags & kLimitForce) != 0;
@@ -290,7 +296,6 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
       acted += (row.limit_flags & (kLimitDamper | kLimitClamp)) != 0;
     }
     if (hand->too_fast() && outcome.too_fast_s < 0) outcome.too_fast_s = t_s;
-    const PressTimes press = press_times(spec.seconds);
     if (spec.hand == HandKind::kPress && t_s < press.out_s &&
         t_s > press.out_s - 0.25 * (press.out_s - press.held_s)) {
       low_m = std::min(low_m, hand->pos_h_m().z());

@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <random>
+#include <vector>
 
 namespace telenano {
 namespace {
@@ -60,6 +63,34 @@ TEST(DetMath, Corners) {
   EXPECT_DOUBLE_EQ(det_cbrt(-8.0), -2.0);
   EXPECT_EQ(det_acos(1.0), 0.0);
   EXPECT_TRUE(std::isnan(det_acos(1.5)));
+}
+
+// det_exp() one by one is the oracle; it has its own above.
+TEST(DetMath, SeveralExponentialsHaveTheBitsOfEach) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  std::mt19937_64 random(8);
+  std::vector<double> x{0.0,    -0.0,   1e-300,    700.0,      -700.0,
+                        700.1,  -700.1, 709.9,     -745.5,     1e9,
+                        -720.0, 0.5,    kInfinity, -kInfinity, -1e300,
+                        3.0,    2.0,    1.0,       -1.0,       std::numeric_limits<double>::quiet_NaN()};
+  const std::size_t corners = x.size();
+  std::uniform_real_distribution<double> near(-3, 3), far(-700, 700);
+  for (int i = 0; i < 20001; ++i) x.push_back(i % 2 == 0 ? near(random) : far(random));
+  // Multiples of ln 2 / 2: where one power of two becomes the next.
+  for (int n = -2000; n <= 2000; ++n) x.push_back(0.34657359027997264 * n);
+  for (const std::size_t first : {std::size_t{0}, std::size_t{1}, corners}) {  // the corners in either lane
+    const std::vector<double> from(x.begin() + static_cast<std::ptrdiff_t>(first), x.end());
+    std::vector<double> exp(from);
+    det_exp_each(exp.data(), exp.size(), exp.data());
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      if (std::isnan(from[i])) {
+        EXPECT_TRUE(std::isnan(exp[i]));
+      } else {
+        ASSERT_EQ(std::bit_cast<std::uint64_t>(exp[i]), std::bit_cast<std::uint64_t>(det_exp(from[i])))
+            << from[i];
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -2,12 +2,17 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <random>
 #include <vector>
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/contact/flow_family.h"
 #include "tests/support/alloc_guard.h"
 
 // Oracles: Thornton's closed forms where adhesion is negligible; an independent integration of the flow rule;
@@ -369,6 +374,33 @@ TEST(PlasticContact, RefusesBadInputAndKeepsTheState) {
     EXPECT_EQ(contact.advance(0.5, 0.0, bad, kRadius, state).equilibrium.status, SolveStatus::kNonFinite);
   }
   EXPECT_EQ(state.overlap_nm, overlap);
+}
+
+// FlowFamily one by one is the oracle: that of a family is its plastic contact, above.
+TEST(FlowFamily, OfTwoPlacesHasTheBitsOfEach) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> unit(0, 1);
+  int stayed = 0, reached_last = 0, first = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const double strain = 0.01 + 0.5 * unit(random), last = 1 + 30 * unit(random);
+    double origin[2], from[2], depth[2], after[2];
+    for (int k = 0; k < 2; ++k) {
+      origin[k] = 1 + 100 * unit(random);
+      from[k] = (unit(random) < 0.1 ? 1.0 : 2 * unit(random)) * strain * origin[k];
+      depth[k] = unit(random) < 0.1 ? 0.0 : std::exp2(12 * unit(random) - 10);
+    }
+    _mm_storeu_pd(after, elastic_after_two_nm(strain, _mm_loadu_pd(origin), last, _mm_loadu_pd(from),
+                                              _mm_loadu_pd(depth)));
+    for (int k = 0; k < 2; ++k) {
+      const FlowFamily family(strain, origin[k], last);
+      const double a = family.after_nm(from[k], depth[k]), want = family.elastic_nm(a);
+      ASSERT_EQ(std::bit_cast<std::uint64_t>(after[k]), std::bit_cast<std::uint64_t>(want));
+      first += from[k] < family.first_nm;
+      stayed += a <= family.first_nm;
+      reached_last += want == last;
+    }
+  }
+  EXPECT_GT(std::min({first, stayed, reached_last}), 1000) << "each way is taken";
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "telenano/nve_server/physics/surface/bicubic_spline.h"
+
 namespace telenano::physics {
 namespace {
 
@@ -136,6 +138,38 @@ TEST(SplineSurface, ConvergesWithTheFourthPower) {
     return worst;
   };
   EXPECT_NEAR(std::log2(error(65) / error(129)), 4.0, 0.25);
+}
+
+// Rows at once against one after the other, at rims too, where coefficients are mirrored: same bits and digest.
+TEST(BicubicSpline, RowsAtOnceAreWhatOneByOneIs) {
+  constexpr int kColumns = 11, kRows = 9;
+  std::mt19937 random(5);
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = 0; column < kColumns; ++column) {
+      for (const int count : {1, 3, kColumns - column}) {
+        if (column + count > kColumns) continue;
+        BicubicSpline at_once = BicubicSpline::interpolating(random_grid(kColumns, kRows, 3));
+        BicubicSpline one_by_one = at_once;
+        double level[kColumns];
+        for (int i = 0; i < count; ++i) {
+          level[i] = i % 4 == 1 ? 0.0 : static_cast<double>(random() % 1000 + 1) * 1e-3;
+          if (level[i] > 0)
+            one_by_one.set_coefficient(column + i, row,
+                                       one_by_one.coefficient(column + i, row) + 0.3 * level[i]);
+        }
+        at_once.raise(column, row, count, level, 0.3);
+        EXPECT_EQ(at_once.changes_digest(), one_by_one.changes_digest());
+        for (int r = 0; r < kRows; ++r) {
+          double value[kColumns];
+          at_once.node_values(0, r, kColumns, value);
+          for (int c = 0; c < kColumns; ++c) {
+            EXPECT_EQ(at_once.coefficient(c, r), one_by_one.coefficient(c, r));
+            EXPECT_EQ(value[c], one_by_one.node_value(c, r)) << "mirrored coefficients as well";
+          }
+        }
+      }
+    }
+  }
 }
 
 }  // namespace
