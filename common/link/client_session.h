@@ -129,6 +129,11 @@ class ClientSession {
   /// another slave in a new epoch, or a refusal. What is on its way to the slave before moves nothing any more. False:
   /// there is no session, or the server has one scene.
   bool switch_scene(std::uint64_t scene_hash, std::int64_t now_ns) noexcept;
+  /// Asks no more. If it has been done nevertheless, the session is found lost, and is resumed at that scene.
+  void forget_switch() noexcept {
+    switch_nonce_ = 0;
+    switching_ = SceneSwitching::kNone;
+  }
   SceneSwitching scene_switching() const noexcept { return switching_; }
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;

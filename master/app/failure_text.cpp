@@ -30,6 +30,8 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
       return live.tip_stayed_up() ? tip_stayed_up("stopped by the operator") : "";
     case Ending::kTipUp:
       return tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
+    case Ending::kOtherScene:
+      return "";
     case Ending::kFault:
       return fmt::format("the station stopped itself: {}{}; the force is zero",
                          station::fault_name(station.latched_faults()), device_trouble(live));

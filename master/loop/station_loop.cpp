@@ -112,7 +112,8 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     if (event == link::ClientEvent::kReply) playout_.push(session_.reply());
     if (const link::Reply* const overtaken = session_.overtaken_reply()) playout_.push(*overtaken);
   }
-  if (session_.sessions() != sessions_begun_) {
+  const bool waits = waits_for_scene(now_ns);
+  if (session_.sessions() != sessions_begun_ && !waits) {
     sessions_begun_ = session_.sessions();
     station_.begin_session(session_.welcome(), !session_.resumed_unknown_account());
     gate_.clear();
@@ -126,7 +127,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.hand_pos_h_m = reading_.hand_pos_h_m;
   input_.buttons = reading_.buttons | extra_buttons_;
   input_.applied_force_h_n = applied_h_n_;
-  input_.session_up = session_.has_session();
+  input_.session_up = session_.has_session() && !waits;
   input_.command_sequence = session_.commands_sent() + 1;
   input_.next_step = session_.next_step();
   const link::SnapshotFetch& snapshot = session_.snapshot();
@@ -135,7 +136,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.snapshot_per_s = rate_.bulk_per_s();
   input_.snapshot_refused = snapshot.refused();
   input_.rtt_s = 1e-9 * session_.stats().rtt_ns();
-  input_.reply = next_reply(now_ns, replied);
+  input_.reply = waits ? nullptr : next_reply(now_ns, replied);
   if (replied && session_.has_reply())
     undo_.on_reply(session_.reply().command_sequence, session_.reply().fault_bits);
   undo_.on_time(now_ns);
@@ -167,6 +168,21 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 
   fill(now_ns, applied_h_n_, sample);
   ++ticks_;
+}
+
+/// A session at another scene than the station's, at a server that has several (one that was restarted begins in its
+/// first): the station's own is asked for, once in each session. Until the answer there is no session for the station,
+/// which so holds the tip and fades its force. If it is refused, the station begins there and stops.
+bool StationLoop::waits_for_scene(std::int64_t now_ns) noexcept {
+  const link::Welcome& welcome = session_.welcome();
+  const std::uint64_t wanted = station_.scene_hash();
+  if (session_.sessions() == sessions_begun_ || wanted == 0 || welcome.scene_hash == wanted) return false;
+  if (welcome.scene_hash == leaves_for_scene_) return true;
+  if (session_.sessions() != asked_for_scene_in_) {
+    if (!session_.switch_scene(wanted, now_ns)) return false;
+    asked_for_scene_in_ = session_.sessions();
+  }
+  return session_.scene_switching() == link::SceneSwitching::kAsked;
 }
 
 /// The time that lies between two positions of the hand. A hand that moves by the clock on the wall has moved

@@ -45,6 +45,9 @@ class StationLoop {
 
   /// Who fetches the server's scene; before the first tick, must outlive this. Null: nobody.
   void set_scene_pipe(ScenePipe* pipe) noexcept { scene_pipe_ = pipe; }
+  /// That scene, which was asked for, is another one's to begin in: with its Welcome there is no session for this
+  /// station any more. 0: none.
+  void leave_for_scene(std::uint64_t scene_hash) noexcept { leaves_for_scene_ = scene_hash; }
   /// For a replay, before a tick: a command goes in exactly those ticks in which one went.
   void send_as_recorded(bool sends) noexcept { sends_ = sends ? Sends::kNow : Sends::kNot; }
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
@@ -78,6 +81,7 @@ class StationLoop {
   static constexpr std::size_t kDatagramsPerTick = 256;
 
   void fetch_snapshot(std::int64_t now_ns) noexcept;
+  bool waits_for_scene(std::int64_t now_ns) noexcept;
   bool wants_to_send(std::int64_t now_ns) noexcept;
   double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
@@ -112,6 +116,8 @@ class StationLoop {
   std::uint32_t tip_wish_ = 0;
   station::StationOutput output_;
   std::uint64_t sessions_begun_ = 0;
+  std::uint64_t leaves_for_scene_ = 0;
+  std::uint64_t asked_for_scene_in_ = 0;  // sessions() when it was asked for the station's own scene last
   std::uint32_t snapshot_of_ = 0;
   std::uint32_t extra_buttons_ = 0;
   std::int64_t ticks_ = 0;

@@ -238,6 +238,7 @@ void Station::go_to_scene(const StationConfig& config, const SlavePort& slave, s
   mapping_.rescale(config_.scaling, hand_pos_h_m_);
   // Nothing acts, and where the hand has gone meanwhile is not known.
   has_hand_pos_ = has_reply_ = false;
+  reply_ = {};  // of the sample that is left
   applied_force_h_n_.setZero();
   commanded_force_h_n_.setZero();
   rendered_force_h_n_.setZero();

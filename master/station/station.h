@@ -147,6 +147,9 @@ class Station {
   void go_to_scene(const StationConfig& config, const SlavePort& slave, std::unique_ptr<TwinRun> twin,
                    std::uint64_t scene_hash);
 
+  /// Of the last session, or of the next one after go_to_scene(); 0: none yet.
+  std::uint64_t scene_hash() const noexcept { return expected_scene_ != 0 ? expected_scene_ : scene_hash_; }
+
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
   /// Another control method, from the next tick on. Bumpless: the energy that is owed is carried over, none

@@ -148,6 +148,22 @@ std::string reach_text(double reach_nm, bool mouse) {
       mouse ? "mouse" : "hand", length_text(reach_nm));
 }
 
+const char* scene_text(SceneText answer) noexcept {
+  switch (answer) {
+    case SceneText::kNone:
+      break;
+    case SceneText::kLetsGo:
+      return "Going to another sample: the force fades, the tip is let go";
+    case SceneText::kAsked:
+      return "Going to another sample: the server is asked for it";
+    case SceneText::kRefused:
+      return "The server has no place at that sample now: the session goes on at this one";
+    case SceneText::kNoAnswer:
+      return "The server does not answer the wish for another sample: the session goes on at this one";
+  }
+  return "";
+}
+
 const char* undo_text(UndoText answer) noexcept {
   switch (answer) {
     case UndoText::kNone:

@@ -43,6 +43,8 @@ std::vector<Message> force_text(const recording::Sample& now,
 std::string reach_text(double reach_nm, bool mouse);
 /// What became of a wish to take marks back; empty: nothing yet.
 const char* undo_text(UndoText answer) noexcept;
+/// Of the wish for another sample, likewise.
+const char* scene_text(SceneText answer) noexcept;
 
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_text(std::uint32_t slave_faults);

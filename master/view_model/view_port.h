@@ -28,12 +28,14 @@ struct ViewRequest {
     kTask,       ///< of a simulated hand: lets go, goes back, begins
     kUndo,       ///< the last stroke of marks
     kPractice,   ///< another link to practise on
+    kScene,      ///< another sample of the server, within the session
     kQuit,       ///< end the session
   };
   Kind kind = Kind::kStop;
   control::Method method = control::Method::kNone;
   control::Scaling scaling{};
   int task = 0;
+  int scene = 0;  ///< its place in the server's list
   link::PracticeLink practice{};
 };
 
@@ -48,6 +50,12 @@ enum class UndoText : std::uint8_t { kNone, kAsked, kDone, kRefused, kNoAnswer }
 struct UndoShown {
   UndoText text = UndoText::kNone;
   std::uint32_t count = 0;  ///< another number: something new
+};
+
+enum class SceneText : std::uint8_t { kNone, kLetsGo, kAsked, kRefused, kNoAnswer };
+struct SceneShown {
+  SceneText text = SceneText::kNone;
+  std::uint32_t count = 0;  ///< likewise
 };
 
 /// What a person writes into the recording, about the moment when writing began.
@@ -67,6 +75,7 @@ struct ViewPort {
   rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
   rt::LatestValue<ShownContact> contact;
   rt::LatestValue<UndoShown> undo;       ///< what became of the last wish to take marks back
+  rt::LatestValue<SceneShown> scene;     ///< what became of the last wish for another sample
   rt::LatestValue<bool> method_by_link;  ///< the method follows the link: nobody has said which
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};

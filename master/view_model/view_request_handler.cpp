@@ -38,6 +38,9 @@ ViewRequestHandler::Asked ViewRequestHandler::answer(station::Station& station) 
       case ViewRequest::Kind::kTask:
         asked.task = request.task;
         break;
+      case ViewRequest::Kind::kScene:
+        asked.scene = request.scene;
+        break;
       case ViewRequest::Kind::kPractice:
         asked.practice = request.practice;
         break;

@@ -25,7 +25,8 @@ class ViewRequestHandler {
     bool quit = false;
     int marks = 0;
     bool undo = false;
-    int task = -1;  ///< to begin; negative: none
+    int task = -1;   ///< to begin; negative: none
+    int scene = -1;  ///< to go to; likewise
     std::optional<link::PracticeLink> practice;
   };
   Asked answer(station::Station& station) noexcept;
@@ -39,6 +40,7 @@ class ViewRequestHandler {
   void show(station::TwinState twin) noexcept { port_.twin.store(twin); }
   void show(const ShownContact& contact) noexcept { port_.contact.store(contact); }
   void show(const UndoShown& undo) noexcept { port_.undo.store(undo); }
+  void show(const SceneShown& scene) noexcept { port_.scene.store(scene); }
   void show_chooser(bool link) noexcept { port_.method_by_link.store(link); }
   /// Of a hand that plays motions.
   void show(const device::TaskState& task) noexcept { port_.task.store(task); }

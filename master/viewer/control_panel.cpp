@@ -439,14 +439,17 @@ void ControlPanel::draw_practice() {
   if (port_.requests.push(request)) practice_ = wish;
 }
 
-/// Other samples of the server. A session is about one: to choose another ends it, as closing its window does, and
-/// begins one there.
+/// Other samples of the server, to which the session can go.
 void ControlPanel::draw_scenes() {
   ImGui::SetNextItemWidth(-1);
   if (!ImGui::BeginCombo("##sample", ("Sample: " + facts_.scene_name).c_str())) return;
-  ImGui::TextColored(vec4(palette::kQuiet), "ends this session, and begins one at");
-  for (const std::string& scene : facts_.scenes) {
-    if (scene != facts_.scene_name && ImGui::Selectable(scene.c_str())) scene_wanted_ = scene;
+  ImGui::TextColored(vec4(palette::kQuiet), "lets go of the tip, and goes on at");
+  for (std::size_t i = 0; i < facts_.scenes.size(); ++i) {
+    if (facts_.scenes[i] == facts_.scene_name || !ImGui::Selectable(facts_.scenes[i].c_str())) continue;
+    ViewRequest request;
+    request.kind = ViewRequest::Kind::kScene;
+    request.scene = static_cast<int>(i);
+    port_.requests.push(request);
   }
   ImGui::EndCombo();
 }

@@ -62,8 +62,6 @@ class ControlPanel {
   bool take_record_wanted() noexcept { return std::exchange(record_wanted_, false); }
   /// The last stroke of marks is taken back, where the server can; else why it was not asked.
   std::string ask_undo(const recording::Sample& now);
-  /// Of ViewFacts::scenes, the one that a person has chosen instead of the session's; empty: none.
-  const std::string& scene_wanted() const noexcept { return scene_wanted_; }
   bool take_undo_wanted() noexcept { return std::exchange(undo_wanted_, false); }
   bool take_help_wanted() noexcept { return std::exchange(help_wanted_, false); }
 
@@ -95,7 +93,6 @@ class ControlPanel {
   bool picture_wanted_ = false;
   bool help_wanted_ = false;
   bool undo_wanted_ = false;
-  std::string scene_wanted_;
   bool record_wanted_ = false;
 };
 

@@ -241,6 +241,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   if (panel_.take_help_wanted()) help_ = !help_;
   if (panel_.take_undo_wanted()) undo_marks(time_s);
   tell_undo(time_s);
+  tell_scene(time_s);
   if (panel_.take_close_wanted()) quit_ = true;
   draw_help();
   draw_end();

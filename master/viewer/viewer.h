@@ -84,7 +84,7 @@ class Viewer {
   void show(Views views) noexcept { views_ = views; }
   /// A person writes a note: letters are no commands.
   bool writes_note() const noexcept { return note_box_.is_open(); }
-  /// The session is not there yet: the sample and the tip at its start are shown, and `words` in the panel's
+  /// The session is not there yet, or not at this sample: it and the tip at its start are shown, and `words` in the panel's
   /// place. Keys and buttons that ask for something ask nobody.
   void wait(const std::string& words, const Vec3& tip_w_nm);
   /// Now it is, and these are its facts.
@@ -93,8 +93,6 @@ class Viewer {
   void end(view_model::SessionEnd end);
   /// By key or button once the session has ended: the same once more.
   bool again_wanted() const noexcept { return again_; }
-  /// While it runs: a session at this other sample of the server, instead; empty: nobody wants one.
-  const std::string& scene_wanted() const noexcept { return panel_.scene_wanted(); }
 
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
@@ -108,6 +106,7 @@ class Viewer {
   void handle_scaling_keys();
   void undo_marks(double time_s);
   void tell_undo(double time_s);
+  void tell_scene(double time_s);
   void move_hand_by_keys(double nm_per_pixel);
   void take_played(double time_s);
   void handle_mouse(const Layout& layout, double time_s);
@@ -159,6 +158,7 @@ class Viewer {
   NoteBox note_box_;
   bool guide_ = false;
   std::uint32_t undo_told_ = 0;
+  std::uint32_t scene_told_ = 0;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
   bool surface_wanted_ = false;

@@ -129,6 +129,13 @@ void Viewer::end(view_model::SessionEnd end) {
 
 void Viewer::wait(const std::string& words, const Vec3& tip_w_nm) {
   waiting_ = words;
+  // Of another sample nothing stays but what a person has set of the window itself.
+  live_ = view_model::LiveSession(kTrailStep_nm);
+  measurement_ = {};
+  overview_chosen_ = false;
+  reset_cameras();
+  undo_told_ = scene_told_ = 0;
+  note_box_.close();
   recording::Sample start;
   start.tip_pos_w_nm = start.tip_target_w_nm = recording::xyz(tip_w_nm);
   live_.take(start, ground_);

@@ -136,6 +136,13 @@ void Viewer::tell_undo(double time_s) {
   if (const char* const words = view_model::undo_text(shown.text); *words != 0) say(words, time_s);
 }
 
+void Viewer::tell_scene(double time_s) {
+  const view_model::SceneShown shown = port_.scene.load();
+  if (shown.count == scene_told_) return;
+  scene_told_ = shown.count;
+  if (const char* const words = view_model::scene_text(shown.text); *words != 0) say(words, time_s);
+}
+
 // A tenth of a tenfold at a time; what is not safe is not asked for.
 void Viewer::handle_scaling_keys() {
   if (!ImGui::GetIO().KeyShift || !live_.any()) return;

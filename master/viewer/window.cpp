@@ -132,11 +132,18 @@ void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Groun
                     const WaitingHooks& hooks) {
   GlfwWindow& window = in.window;
   window.show();
-  Viewer& viewer = in.viewer.emplace(facts, std::move(ground), port, window.scale());
+  const bool first = !in.viewer;
+  if (first) {
+    in.viewer.emplace(facts, std::move(ground), port, window.scale());
+  } else {
+    in.viewer->begin(facts);
+    in.viewer->set_ground(std::move(ground));
+  }
+  Viewer& viewer = *in.viewer;
   viewer.wait(words, tip_w_nm);
   KeyTaps taps(window.get());
   const GlfwInput input(window.get());
-  if (hooks.changed_ground && !viewer.ground().is_scan()) prepare_for_scan(window, input, viewer);
+  if (first && hooks.changed_ground && !viewer.ground().is_scan()) prepare_for_scan(window, input, viewer);
   const Clock::time_point start = Clock::now();
   Clock::time_point next = start;
   bool cancelled = false;
@@ -205,8 +212,7 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     if (waits_for_a_person && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted())) break;
     if (viewer.again_wanted()) break;
     if (ended && hooks.stop_wanted && hooks.stop_wanted()) break;
-    const bool leaves = glfwWindowShouldClose(window.get()) != 0 || !viewer.scene_wanted().empty();
-    if (leaves && !asked_to_quit) {
+    if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
       view_model::ViewRequest quit;
       quit.kind = view_model::ViewRequest::Kind::kQuit;
       asked_to_quit = port.requests.push(quit);
@@ -270,7 +276,7 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     window.tell(title_of(facts, viewer, ended));
     std::this_thread::sleep_until(began + kFrame);
   }
-  return {frames, viewer.again_wanted() || !viewer.scene_wanted().empty(), viewer.scene_wanted()};
+  return {frames, viewer.again_wanted()};
 }
 
 }  // namespace telenano::viewer

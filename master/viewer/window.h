@@ -15,8 +15,7 @@ namespace telenano::viewer {
 
 struct WindowEnd {
   rt::LogHistogram frames;  ///< how long they took, without their waiting
-  bool again = false;       ///< a person wants the same session once more,
-  std::string scene;        ///< at this sample of the server; empty: at the same one
+  bool again = false;       ///< a person wants the same session once more
 };
 
 /// A window, and what draws in it once it was shown: one for the time before a session and the session, since
@@ -26,7 +25,7 @@ struct SessionWindow {
   std::optional<Viewer> viewer;
 };
 
-/// What is shown in a window while its session gets ready.
+/// What is shown in a window while its session gets ready, or gets to another sample.
 struct WaitingHooks {
   std::function<bool()> over;  ///< nothing is waited for any more
   std::function<std::optional<view_model::Ground>()> changed_ground;

@@ -34,7 +34,7 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
     address.port = config_.port;
     link_.set_address_a(address);
   }
-  if (config_.scene) scene_hash_ = config_.scene->hash;
+  scene_hash_ = config_.scene ? config_.scene->hash : config_.scene_hash;
   if (config_.server) {
     server_ = config_.server;
   } else {
@@ -119,7 +119,14 @@ void VirtualSession::make_server() {
     config.mail = &config_.checkpoints->mail();
     config.checkpoints = &config_.checkpoints->queue();
   }
-  server_ = std::make_shared<server::Server>(config, std::move(served));
+  std::vector<server::ServedScene> scenes;
+  if (first_scene_hash_ != 0) {
+    scenes.push_back(served);
+    scenes.back().hash = first_scene_hash_;
+    scenes.back().name = server::scene_name("another");
+  }
+  scenes.push_back(std::move(served));
+  server_ = std::make_shared<server::Server>(config, std::move(scenes));
   down_ = false;
 }
 

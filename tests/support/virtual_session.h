@@ -26,6 +26,7 @@ struct VirtualSessionConfig {
   std::shared_ptr<const scene::Scene> scene;  ///< may be null where there is a make_slave
   /// Instead of the scene's virtual environment: any slave, for each session a new one.
   std::function<std::unique_ptr<slave::Slave>()> make_slave{};
+  std::uint64_t scene_hash = 0;  ///< that the server says with it
   /// Instead of the simulated device and operator, whose task, script and plant then do not matter.
   std::shared_ptr<VirtualHand> hand{};
   station::StationConfig station{};
@@ -89,6 +90,8 @@ class VirtualSession {
   void hand_out_server();
   /// What a server made from now on says of its scene.
   void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
+  /// A server made from now on has another scene of that hash, alike, in which it begins.
+  void set_first_scene(std::uint64_t hash) noexcept { first_scene_hash_ = hash; }
   /// What the station's channel vouches for from now on: its key was given another right.
   void set_standing(const net::Standing& standing) noexcept { config_.standing = standing; }
   const std::shared_ptr<server::Server>& shared_server() const noexcept { return server_; }
@@ -119,6 +122,7 @@ class VirtualSession {
   std::shared_ptr<server::Server> server_;
   bool down_ = false;
   std::uint64_t scene_hash_ = 0;
+  std::uint64_t first_scene_hash_ = 0;  // 0: there is one scene
   std::uint64_t servers_made_ = 0;
   link::ClientSession client_;
   std::unique_ptr<device::SimDevice> device_;

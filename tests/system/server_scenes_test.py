@@ -69,6 +69,44 @@ class ServerScenes(RealPrograms):
         self.refused(self.station(server, "--server-scene", "nowhere"), "'nowhere': the server serves '.*' alone", 1)
         self.assertEqual(self.scene_of(self.station(server, "--server-scene", alone))[0], alone)
 
+    def restarted(self, server, *scenes):
+        """It dies with no word, and another one begins at its address."""
+        server.kill()
+        words = [word for scene in scenes for word in ("--scene", scene)]
+        again = self.start("again", NVE, "serve", *words, "--listen", server.address)
+        again.said(r"serving .* on (127\.0\.0\.1:\d+)")
+        return again
+
+    def station_in_the_second(self, server, method):
+        words = ("--server", server.address, "--server-scene", SECOND, "--method", method, "--duration-s", "6", "--task", "indent",
+                 "--rt-priority", "0", "--record", "session.h5")
+        station = self.start("station", MASTER, "run", *words)
+        self.wait_for(lambda: re.search(r"engaged", station.text()), "the touch")
+        return station
+
+    def test_a_station_asks_a_restarted_server_for_its_scene_again(self):
+        for method in ("tank", "twin"):
+            with self.subTest(method):
+                server = self.server(FIRST, SECOND)
+                station = self.station_in_the_second(server, method)
+                again = self.restarted(server, FIRST, SECOND)
+                self.assertEqual(station.end(), 0, station.text())
+                self.assertNotIn("another scene", station.text())
+                again.signal(15)
+                self.assertEqual(again.end(), 0)
+                self.assertIn("switches of a session to another scene: 1", again.text())
+                (self.folder / "session.h5").unlink()
+
+    def test_a_station_whose_scene_is_refused_stops(self):
+        server = self.server(FIRST, SECOND)
+        station = self.station_in_the_second(server, "tank")
+        again = self.restarted(server, FIRST, "flakes")
+        self.assertEqual(station.end(), 1, station.text())
+        self.assertIn("another scene", station.text())
+        again.signal(15)
+        self.assertEqual(again.end(), 0)
+        self.assertNotIn("switches of a session", again.text())
+
     def test_what_is_of_one_scene_only_is_refused_with_several(self):
         for words, flag in ((("--share", "one-tip"), "--share one-tip"), (("--checkpoint", "."), "--checkpoint"),
                             (("--web", "127.0.0.1:0"), "--web"), (("--slave", "nanonis"), "--scene")):

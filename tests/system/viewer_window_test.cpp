@@ -93,6 +93,70 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
   EXPECT_NE(std::find(buttons.begin(), buttons.end(), 3.0), buttons.end()) << "deadman and clutch";
 }
 
+// A click in the list of the server's samples, while the tip presses: the session goes on at the other one, in the same
+// program and window, with the energy account as it was; and back by a second click.
+TEST_F(ViewerPrograms, AnotherSampleIsChosenInTheListAndTheSessionGoesOnThere) {
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
+  Server server(scene_path("flakes"), 0,
+                {"--scene", scene_path("flat_pdms"), "--scene", scene_path("flat_silicon_oxide")});
+  // The list is the row above the buttons at the panel's foot; it opens upwards, a line of what it does and then its
+  // names in the server's order, without the one that is here.
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << R"sh(
+# In the loop of this number, of one sample each, the tip has pressed.
+touches() {
+  awk -v n=$1 '/^loop:/{++k} k == n && / nN .* mJ /{for (i = 1; i < NF; ++i) if ($i == "force" && $(i + 1) > 1) found = 1}
+               END {exit !found}' err.txt
+}
+)sh" << kMaster << " run --server "
+                                 << server.address()
+                                 << " --view --record s.h5 2>err.txt &\n"
+                                    "master=$!\n"
+                                    "see 'Telenano: flakes at'; await 'touches 1'\n"
+                                    "xdotool mousemove 1115 732 click 1; sleep 2\n"
+                                    "xdotool mousemove 1050 705 click 1\n"
+                                    "see 'Telenano: flat_silicon_oxide at'; await 'touches 2'\n"
+                                    "xdotool mousemove 1115 732 click 1; sleep 2\n"
+                                    "xdotool mousemove 1050 685 click 1\n"
+                                    "see 'Telenano: flakes at'; await 'touches 3'\n"
+                                    "kill -0 $master && xdotool key ctrl+q; wait $master\n";
+  const Finished user = before_a_screen(4 * kLong);
+  const std::string said = file_text(path("err.txt"));
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out << said;
+  EXPECT_EQ(user.out, "") << said;
+  EXPECT_NE(said.find("sample 'flat_silicon_oxide'\nsummary of"), std::string::npos) << said;
+  // A recording is of one sample; each goes on with the energies of the one before.
+  double in_j = 0;
+  double out_j = 0;
+  for (const std::string name : {"s.h5", "s-2.h5", "s-3.h5"}) {
+    SCOPED_TRACE(name);
+    const recording::RecordingReader recording(path(name));
+    EXPECT_TRUE(recording.closed());
+    EXPECT_EQ(recording.configuration("scene_name"), name == "s-2.h5" ? "flat_silicon_oxide" : "flakes");
+    const auto in = recording.read("energy_in_j");
+    const auto out = recording.read("energy_out_j");
+    const auto force = recording.read("hand_force_applied_h_n", 2);
+    ASSERT_GT(in.size(), 500u);
+    EXPECT_DOUBLE_EQ(in.front(), in_j) << "not begun anew";
+    EXPECT_DOUBLE_EQ(out.front(), out_j);
+    EXPECT_LT(std::abs(force.front()), 0.01) << "by the ramp";
+    EXPECT_EQ(force.back(), 0) << "let go before";
+    in_j = in.back();
+    out_j = out.back();
+    EXPECT_GT(in_j, 0) << "something was felt, or this shows nothing";
+    double step_n = 0;
+    for (std::size_t i = 1; i < force.size(); ++i)
+      step_n = std::max(step_n, std::abs(force[i]) - std::abs(force[i - 1]));
+    EXPECT_LT(step_n, 4) << "the slew limit";
+    constexpr std::uint32_t kVelocityTrip = 2, kLeap = 4, kOtherScene = 1024;
+    std::uint32_t faults = 0;
+    for (const double now : recording.read("station_faults")) faults |= static_cast<std::uint32_t>(now);
+    EXPECT_EQ(faults & (kVelocityTrip | kLeap | kOtherScene), 0u);
+  }
+  const Finished replay = run_program({kLab, "replay", path("s-2.h5")});
+  EXPECT_EQ(replay.exit_code, 2) << replay.err;
+  EXPECT_NE(replay.err.find("the sample 'flakes' before"), std::string::npos) << replay.err;
+}
+
 // A session that began without a recording gets one from the key on, whose marks are in it.
 TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
   if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;

@@ -12,6 +12,7 @@ constexpr std::int64_t kStopTicks = 20;  // for the stop to reach the server
 constexpr double kAfterTaskS = 0.2;      // the hand comes to rest
 constexpr double kSilentS = 0.1;         // from when on a person is told
 constexpr double kUnfeltN = 0.005;       // a force that nobody notices
+constexpr double kSceneS = 30;           // making a slave may take the server a while
 
 // Before the first reply there is no age: since the start, then.
 double silent_s(const recording::Sample& sample) noexcept {
@@ -73,6 +74,7 @@ void RealTimeSession::run() noexcept {
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
     sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
     if (servers_ != nullptr) follow_servers(sample, tick.woke_ns);
+    if (scene_ >= 0) follow_scene(sample);
     follow_undo(sample);
     note_tip(sample);
     note_scale(sample);
@@ -97,7 +99,8 @@ void RealTimeSession::run() noexcept {
     }
   } while (!over(sample));
   hand_.device.write_force(Vec3::Zero());
-  loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
+  if (ending_ != Ending::kOtherScene)
+    loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
   timer_stats_ = timer.stats();
   finished_.store(true, std::memory_order_release);
 }
@@ -173,7 +176,8 @@ void RealTimeSession::follow_servers(const recording::Sample& sample, std::int64
 
 void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
   const view_model::ViewRequestHandler::Asked asked = requests_->answer(station_);
-  loop_.set_buttons(asked.buttons);
+  if (asked.scene >= 0) go_to_scene(asked.scene, before);
+  loop_.set_buttons(asked.buttons | (scene_ >= 0 ? std::uint32_t{device::kButtonClutch} : 0u));
   quit_ |= asked.quit;
   // Not while it is stopped, held or not connected: the hand would go its way without the tip.
   const bool free = station_.mode() == station::Mode::kEngaged || station_.mode() == station::Mode::kReady;
@@ -201,6 +205,55 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
     if (recorder_ != nullptr)
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventMark, "mark", marks_));
   }
+}
+
+/// First the hand lets go, as by the clutch: nothing follows, and the force fades.
+void RealTimeSession::go_to_scene(int scene, const recording::Sample& before) noexcept {
+  if (scene_ >= 0 || static_cast<std::size_t>(scene) >= scenes_.size()) return;
+  scene_ = scene;
+  scene_asked_ = false;
+  scene_wanted_s_ = before.time_s;
+  show_scene(view_model::SceneText::kLetsGo);
+  event_of_scene(before, "another sample wanted: lets go");
+}
+
+void RealTimeSession::show_scene(view_model::SceneText text) noexcept {
+  if (requests_ != nullptr) requests_->show(view_model::SceneShown{text, ++scene_shown_});
+}
+
+void RealTimeSession::event_of_scene(const recording::Sample& sample, const char* text) noexcept {
+  if (recorder_ != nullptr)
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventScene, text,
+                                          static_cast<std::uint32_t>(scene_)));
+}
+
+/// With no force left the server is asked. At the other scene the loop ends (over()); after a refusal, or without an
+/// answer, the session goes on where it is.
+void RealTimeSession::follow_scene(const recording::Sample& sample) noexcept {
+  const std::uint64_t hash = scenes_[static_cast<std::size_t>(scene_)];
+  if (session_.welcome().scene_hash == hash)
+    return event_of_scene(sample, "the session goes on at another sample");
+  const char* why = nullptr;
+  if (scene_asked_ && session_.scene_switching() == link::SceneSwitching::kRefused) {
+    show_scene(view_model::SceneText::kRefused);
+    why = "another sample refused";
+  } else if (sample.time_s - scene_wanted_s_ > kSceneS) {
+    show_scene(view_model::SceneText::kNoAnswer);
+    why = "another sample: no answer";
+    session_.forget_switch();
+  }
+  if (why != nullptr) {
+    event_of_scene(sample, why);
+    loop_.leave_for_scene(0);
+    scene_ = -1;
+    return;
+  }
+  const bool rests =
+      station_.mode() != station::Mode::kEngaged && loop_.trace().commanded_force_h_n.isZero(0);
+  if (scene_asked_ || !rests || !session_.switch_scene(hash, sample.now_ns)) return;
+  scene_asked_ = true;
+  loop_.leave_for_scene(hash);
+  show_scene(view_model::SceneText::kAsked);
 }
 
 /// At the screen, or at a time that was given.
@@ -411,6 +464,10 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
   if (requests_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped &&
       ++fault_ticks_ > kStopTicks) {
     ending_ = Ending::kFault;
+    return true;
+  }
+  if (scene_ >= 0 && session_.welcome().scene_hash == scenes_[static_cast<std::size_t>(scene_)]) {
+    ending_ = Ending::kOtherScene;
     return true;
   }
   // Final: nothing more will come, and nobody needs to wait for it.

@@ -31,7 +31,8 @@ enum class Ending : std::uint8_t {
   kServerGone,
   kServerEnded,
   kRefused,
-  kTipUp,  ///< the tip was withdrawn and not on its way back, so that the task could not begin
+  kOtherScene,  ///< the session is at another scene of the server, which the station does not know yet
+  kTipUp,       ///< the tip was withdrawn and not on its way back, so that the task could not begin
 };
 
 /// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
@@ -56,6 +57,9 @@ inline constexpr std::uint32_t kEventScale =
     111;  ///< changed with the link; value: the force scale from here on
 
 inline constexpr std::uint32_t kEventUndo = 112;  ///< of marks; value: loop::UndoAnswer
+
+inline constexpr std::uint32_t kEventScene =
+    113;  ///< another sample of the server is asked for, or comes; value: its place in the list
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -141,6 +145,9 @@ class RealTimeSession {
   void set_servers(connection::ServerList& servers) noexcept { servers_ = &servers; }
   /// The servers' links can be made worse on a person's word, before run().
   void set_practice(connection::ServerList& servers) noexcept { practised_ = &servers; }
+  /// The server's scenes, by their hashes, before run(): a person at the screen may go to another one. Then run() ends
+  /// with Ending::kOtherScene once the session is there; no Bye is said, and the station has not begun there.
+  void set_scenes(std::vector<std::uint64_t> hashes) noexcept { scenes_ = std::move(hashes); }
   /// Who fetches the server's scene, before run().
   void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
 
@@ -181,6 +188,10 @@ class RealTimeSession {
   void undo_marks(const recording::Sample& before) noexcept;
   void follow_undo(const recording::Sample& sample) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
+  void go_to_scene(int scene, const recording::Sample& before) noexcept;
+  void show_scene(view_model::SceneText text) noexcept;
+  void event_of_scene(const recording::Sample& sample, const char* text) noexcept;
+  void follow_scene(const recording::Sample& sample) noexcept;
   void record_rate(const recording::Sample& sample) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
@@ -236,6 +247,11 @@ class RealTimeSession {
   std::uint32_t twin_left_ = 0;
   double last_rate_hz_ = 0;
   double last_rate_s_ = 0;
+  std::vector<std::uint64_t> scenes_;
+  int scene_ = -1;            // that a person wants to go to; negative: none
+  bool scene_asked_ = false;  // of the server: the hand has let go
+  double scene_wanted_s_ = 0;
+  std::uint32_t scene_shown_ = 0;
   double undo_at_s_ = 0;  // 0: never
   loop::UndoAnswer undo_told_ = loop::UndoAnswer::kNone;
   std::uint32_t undo_shown_ = 0;

@@ -18,8 +18,9 @@ namespace telenano::app {
 std::unique_ptr<recording::Recorder> make_recorder(
     const RunOptions& options, const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
     const SessionDevice& opened, const device::DeviceInfo& device, const std::string& planned,
-    std::uint64_t nonce_seed, const std::string* bundle, const station::TwinRunConfig* twin,
-    std::uint64_t twin_scene_hash, std::function<void(std::vector<recording::MarkRow>& rows)> marks) {
+    std::uint64_t nonce_seed, const std::string& scene_before, const std::string* bundle,
+    const station::TwinRunConfig* twin, std::uint64_t twin_scene_hash,
+    std::function<void(std::vector<recording::MarkRow>& rows)> marks) {
   if (options.record.empty()) return nullptr;
   const std::string scene_name = slave_limits(welcome).scene_name;
   recording::Configuration about;
@@ -39,6 +40,7 @@ std::unique_ptr<recording::Recorder> make_recorder(
   }
   if (bundle != nullptr) about.extra.emplace_back("scene_bundle", to_base64(*bundle));
   about.station_text = file.text.empty() ? "defaults" : file.text;
+  if (!scene_before.empty()) about.extra.emplace_back("continued_from", scene_before);
   about.seed = fmt::format("{}", nonce_seed);
   about.rate_hz = file.station.rate_hz;
   for (auto& setting : describe(file.station, file.plant)) about.extra.push_back(std::move(setting));

@@ -23,7 +23,8 @@ namespace telenano::app {
 std::unique_ptr<recording::Recorder> make_recorder(
     const RunOptions& options, const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
     const SessionDevice& opened, const device::DeviceInfo& device, const std::string& planned,
-    std::uint64_t nonce_seed, const std::string* bundle, const station::TwinRunConfig* twin = nullptr,
-    std::uint64_t twin_scene_hash = 0, std::function<void(std::vector<recording::MarkRow>& rows)> marks = {});
+    std::uint64_t nonce_seed, const std::string& scene_before, const std::string* bundle,
+    const station::TwinRunConfig* twin = nullptr, std::uint64_t twin_scene_hash = 0,
+    std::function<void(std::vector<recording::MarkRow>& rows)> marks = {});
 
 }  // namespace telenano::app

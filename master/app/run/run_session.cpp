@@ -32,6 +32,7 @@
 #include "telenano/master/app/failure_text.h"
 #include "telenano/master/app/link_probe.h"
 #include "telenano/master/app/plan/station_plan.h"
+#include "telenano/master/app/run/early_thread.h"
 #include "telenano/master/app/run/keep_awake.h"
 #include "telenano/master/app/run/mark_rows.h"
 #include "telenano/master/app/run/real_time_session.h"
@@ -350,6 +351,12 @@ std::vector<std::string> scene_names(const std::vector<SceneChoice>& scenes) {
   return names;
 }
 
+std::vector<std::uint64_t> scene_hashes(const std::vector<SceneChoice>& scenes) {
+  std::vector<std::uint64_t> hashes;
+  for (const SceneChoice& scene : scenes) hashes.push_back(scene.hash);
+  return hashes;
+}
+
 /// One line of what takes the twin's place, and why.
 void tell_no_twin(const std::string& why, bool wanted) {
   fmt::print(stderr, "note: no twin, {}: {}\n",
@@ -410,85 +417,98 @@ MarkRows::Sample marked_sample(const scene_store::SceneKeeper& keeper, const sta
           }};
 }
 
-}  // namespace
+/// What lasts while a session goes from one of the server's scenes to another.
+struct SessionParts {
+  const RunOptions& options;
+  const std::atomic<bool>& stop;
+  const StationFile& file;
+  bool simulated;
+  scene_store::SceneKeeper& scene;
+  SessionView& view;
+  std::optional<NextRun>& next;
+  SessionDevice& opened;
+  connection::ServerList& servers;
+  SessionFile& session_file;
+  bool wants_twin;
+  bool last_run;
+  bool resumed = false;
+  std::size_t step_ring;  ///< that is asked for where there may be a twin
+  link::ClientConfig& client_config;
+  std::optional<link::ClientSession>& session;
+  std::optional<connection::Farewell>& farewell;
+  std::vector<SceneChoice> scenes{};
+  // From scene to scene.
+  bool looks_for_twin;
+  Twins twins{};
+  std::string no_twin{};
+  std::string record;          ///< file of the next recording; empty: none
+  std::string metrics{};       ///< address
+  std::string scene_before{};  ///< name of the one that was left; empty: this is the first
+  std::optional<station::Station> station{};
+  EarlyThread starter{};
+};
 
-int run_session(const RunOptions& options, std::optional<NextRun>& next) {
-  const std::atomic<bool>& stop = catch_stop_signals();
-  require_numbers(options);
-  StationFile file = station_file(options);
+/// The session once more, with the same slave and another wish about the log of steps.
+void connect_again(SessionParts& parts, std::size_t step_ring) {
+  connection::ServerLink& way = parts.servers.link();
+  parts.client_config.step_ring = step_ring;
+  parts.client_config.resume_token = parts.session->resume_token();
+  parts.client_config.nonce_seed = connection::random_nonce_seed();
+  if (parts.farewell) parts.farewell->leave_to_loop();
+  parts.session.emplace(parts.client_config);
+  connection::connect(*parts.session, way, parts.servers.address(), parts.file.station.rate_hz,
+                      parts.servers.access(), parts.stop);
+  parts.farewell.emplace(*parts.session, way.datagram(), parts.servers.address());
+}
+
+/// HOST:PORT, so that the next scene of the session is found where this one is.
+std::string address_of(const std::string& url) {
+  const std::size_t begin = url.find("//") + 2;
+  return url.substr(begin, url.find('/', begin) - begin);
+}
+
+/// The options as they are for the scene at hand: what was asked for the first one only is over, and a recording is of
+/// one scene.
+RunOptions options_here(const SessionParts& parts) {
+  RunOptions options = parts.options;
+  if (parts.scene_before.empty()) return options;
+  options.record = parts.record;
+  options.overwrite = false;
+  options.metrics = parts.metrics;
+  options.undo_marks_at_s.reset();
+  return options;
+}
+
+/// The session at one scene; its exit code, or nothing: it goes on at another one.
+std::optional<int> run_at_scene(SessionParts& parts) {
+  const RunOptions options = options_here(parts);
+  const std::atomic<bool>& stop = parts.stop;
+  StationFile file = parts.file;
   const station::StationConfig& config = file.station;
-  const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
-  const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
-  // What is wrong with a task, a script or a device is found before a server is asked.
-  if (simulated) intended_motion(options, file.task, 0);
-  // Forks, so before whatever has threads, keys or sockets.
-  scene_store::SceneKeeper scene(scene_options(options));
-  SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
-  if (view.has_window()) next.emplace();
-  SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
-  if (!simulated) add_pedals(opened, file.pedal);
-  if (!options.quiet && !simulated) {
-    fmt::print(stderr, "device: {}\n", opened.description);
-    for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
-  }
-  const int dscp = net::parse_dscp(options.dscp, "--dscp");
-  connection::ServerList servers(options);
-  if (dscp != 0 && !servers.set_dscp(dscp))
-    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
-  if (options.practice) {
-    servers.practise(*options.practice);
-    const std::string text = link::practice_text(*options.practice);
-    if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
-  }
-  link::ClientConfig client_config;
-  client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
-  client_config.nonce_seed = connection::random_nonce_seed();
-  SessionFile session_file(options.session_file);
-  client_config.resume_token = session_file.token();
-  client_config.redundancy = static_cast<std::size_t>(file.redundancy);
-  // Only a replay needs to know in which order the slave stepped.
-  if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
-  // The scene is run here too. Whether it is the server's own, the Welcome says.
-  Twins twins;
-  std::string no_twin;
-  const bool last_run = client_config.resume_token != 0;
-  const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
-  if (!options.scene.empty()) {
-    twins = twin::load_twins(options.scene, 2);
-    no_twin = too_slow(*twins[0], config.rate_hz);
-    if (!no_twin.empty()) twins.clear();
-  }
-  // Where nobody has said which, the sample itself is the first choice. Who only looks on feels nothing, but
-  // sees by it the marks that others make.
-  const bool looks_on = options.observe && (view.wanted() || !options.record.empty());
-  const bool looks_for_twin =
-      options.scene.empty() && (wants_twin || (file.chooses_method && (!options.observe || looks_on)));
-  if (looks_for_twin || !twins.empty())
-    client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
-  if (!twins.empty()) client_config.snapshot_bytes = snapshot_room(*twins[0]);
-  std::optional<link::ClientSession> opened_session;
-  std::optional<connection::Farewell> farewell;
-  connection::connect_to_any(opened_session, client_config, servers, config.rate_hz, stop,
-                             [&](const std::string& why) {
-                               if (!options.quiet) fmt::print(stderr, "note: {}\n", why);
-                             });
-  // Until the loop begins the session is this server's.
+  const bool simulated = parts.simulated;
+  const bool last_run = parts.last_run;
+  const bool resumed = parts.resumed;
+  const bool wants_twin = parts.wants_twin;
+  scene_store::SceneKeeper& scene = parts.scene;
+  SessionView& view = parts.view;
+  SessionDevice& opened = parts.opened;
+  connection::ServerList& servers = parts.servers;
+  SessionFile& session_file = parts.session_file;
+  std::optional<link::ClientSession>& opened_session = parts.session;
+  std::optional<connection::Farewell>& farewell = parts.farewell;
+  const std::vector<SceneChoice>& scenes = parts.scenes;
+  Twins& twins = parts.twins;
+  std::string& no_twin = parts.no_twin;
   connection::ServerLink& way = servers.link();
   const net::Address server = servers.address();
+  if (farewell) farewell->leave_to_loop();  // to this one, which may be another server's
   farewell.emplace(*opened_session, way.datagram(), server);
-  const bool resumed = opened_session->resumed_unknown_account();
-  const std::vector<SceneChoice> scenes = list_scenes(*opened_session, way, server, scene.pipe(), stop);
-  if (!scenes.empty() && !options.quiet)
-    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
-               names_of(scenes));
-  if (!options.server_scene.empty())
-    choose_scene(*opened_session, way, server, scene.pipe(), options.server_scene, scenes, stop);
   const LinkDelay link =
       measure_link(*opened_session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
                    options.connect_timeout_s, stop);
   const auto get_ready = [&] {
-    if (looks_for_twin) {
+    if (parts.looks_for_twin) {
       twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, options.quiet, scene,
                          stop, no_twin);
       if (stop && view.has_window()) return;
@@ -496,13 +516,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
         opened_session->make_room_for_snapshot(snapshot_room(*twins[0]));
       } else if (opened_session->logs_steps()) {
         // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
-        client_config.step_ring = 0;
-        client_config.resume_token = opened_session->resume_token();
-        client_config.nonce_seed = connection::random_nonce_seed();
-        farewell->leave_to_loop();
-        opened_session.emplace(client_config);
-        connection::connect(*opened_session, way, server, config.rate_hz, servers.access(), stop);
-        farewell.emplace(*opened_session, way.datagram(), server);
+        connect_again(parts, 0);
       }
     }
     scene.start();
@@ -522,7 +536,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      return newest_scene_ground(scene, shown);
                    },
                    stop_as_by_signal},
-                  get_ready);
+                  [&] { parts.starter.call(get_ready); });
   }
   // A person has closed the window: nothing was begun, and the session's Bye goes with `farewell`.
   if (stop && view.has_window()) {
@@ -532,7 +546,8 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   link::ClientSession& session = *opened_session;
   // Until the loop begins: a terminal that takes no more text, planning, a recording's file or a window may
   // keep this thread for longer than the server waits.
-  std::optional<KeepAwake> awake(std::in_place, session, way, server, scene.pipe());
+  std::optional<KeepAwake> awake;
+  parts.starter.call([&] { awake.emplace(session, way, server, scene.pipe()); });
   if (!no_twin.empty() && !options.quiet && !options.observe) tell_no_twin(no_twin, !file.chooses_method);
   if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
 
@@ -584,18 +599,25 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const bool has_twin = !twins.empty();
   const std::uint64_t twin_scene_hash = has_twin ? twins[0]->scene_hash() : 0;
   const auto new_recorder = [&](const RunOptions& run) {
-    return make_recorder(run, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
-                         scene.bundle().get(), has_twin ? &twin_settings : nullptr, twin_scene_hash,
+    return make_recorder(run, file, welcome, link, opened, device_info, planned,
+                         parts.client_config.nonce_seed, parts.scene_before, scene.bundle().get(),
+                         has_twin ? &twin_settings : nullptr, twin_scene_hash,
                          [&mark_rows](std::vector<recording::MarkRow>& rows) { mark_rows.newest(rows); });
   };
   std::unique_ptr<recording::Recorder> recorder = new_recorder(options);
   std::string recorded = options.record;
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info);
-  station::Station station(config, device_info, port);
+  if (!parts.station) {
+    parts.station.emplace(config, device_info, port);
+  } else {
+    parts.station->go_to_scene(config, port, nullptr, welcome.scene_hash);
+  }
+  station::Station& station = *parts.station;
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
   const MarkRows::Session marks(mark_rows, marked_sample(scene, station));
   RealTimeSession live(hand, servers, servers.as(), session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
+  live.set_scenes(scene_hashes(scenes));
   if (servers.size() > 1) live.set_servers(servers);
   if (options.practice) live.set_practice(servers);
   if (file.chooses_method) live.choose_method();
@@ -620,7 +642,8 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (!options.metrics.empty()) {
     exporter.emplace(options.metrics, options.metrics_public,
                      [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
-    if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
+    if (!options.quiet && parts.scene_before.empty()) fmt::print(stderr, "metrics at {}\n", exporter->url());
+    parts.metrics = address_of(exporter->url());
   }
   // A person at the window wants one from now on.
   const auto begin_recording = [&]() -> std::string {
@@ -641,13 +664,16 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
     if (recorder) recorder->close();
     if (live.undo_text() != nullptr) fmt::print("{}\n", live.undo_text());
-    session_file.remove();  // ended by a Bye, one way or the other
+    if (live.ending() != Ending::kOtherScene) session_file.remove();  // ended by a Bye, one way or the other
+    if (!parts.scene_before.empty() || live.ending() == Ending::kOtherScene)
+      fmt::print(stderr, "sample '{}'\n", slave.scene_name);
     print_summary(live.summary(), live.timer_stats(), recorder.get(), recorded);
     print_sending(live.progress());
   };
   // A window does not vanish under a person's eyes because the server did, or because the task is done. A run
   // that was told how long it takes, or whose window nobody opened at a terminal, is nobody's to close.
   const auto session_end = [&]() -> view_model::SessionEnd {
+    if (live.ending() == Ending::kOtherScene) return {};
     const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
     const bool person = isatty(STDIN_FILENO) != 0 && live.ending() != Ending::kStopped;
     if (options.close_at_end || options.duration_s || stop.load() || (failure.empty() && !person)) return {};
@@ -665,10 +691,14 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   realtime.cpu = options.realtime_cpu;
   realtime.hold_cpu_awake = options.cpu_awake;
   {
-    rt::RealtimeThread thread(realtime, [&live, &awake](const std::stop_token&) {
-      awake.reset();
-      live.run();
+    std::optional<rt::RealtimeThread> started;
+    parts.starter.call([&] {
+      started.emplace(realtime, [&live, &awake](const std::stop_token&) {
+        awake.reset();
+        live.run();
+      });
     });
+    rt::RealtimeThread& thread = *started;
     if (!options.quiet) {
       fmt::print(stderr, "loop: {:g} Hz, {}\n", config.rate_hz, thread.report().text);
       if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);
@@ -700,8 +730,9 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
       frames =
           view.run(live, !thread.report().fifo,
                    {look, session_end, [&stop] { return stop.load(); },
+                    [&live] { return live.finished() && live.ending() == Ending::kOtherScene; },
                     [&recorder]() -> const recording::Recorder* { return recorder.get(); }, begin_recording});
-      if (view.again_wanted()) next->ask(view.next_scene());
+      if (view.again_wanted()) parts.next->ask(parts.scene_before.empty() ? "" : slave.scene_name);
     }
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -711,11 +742,127 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   }
   conclude();
   if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
+  if (live.ending() == Ending::kOtherScene) {
+    parts.scene_before = slave.scene_name;
+    parts.record = free_recording(recorded);
+    return std::nullopt;
+  }
   if (live.ending() == Ending::kStopped) fmt::print(stderr, "stopped by the operator\n");
   const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
   if (!failure.empty()) throw RunError(failure);
   if (recorder && recorder->failed()) return 1;
   return 0;
+}
+
+/// Before the session begins at another scene: a file of the first one's is of no use, and a log of steps that was given
+/// up there may be of use here.
+void go_on(SessionParts& parts) {
+  parts.last_run = parts.resumed = false;
+  parts.twins.clear();
+  parts.no_twin.clear();
+  parts.looks_for_twin = parts.step_ring > 0;
+  if (parts.looks_for_twin && parts.client_config.step_ring == 0) connect_again(parts, parts.step_ring);
+}
+
+}  // namespace
+
+int run_session(const RunOptions& options, std::optional<NextRun>& next) {
+  const std::atomic<bool>& stop = catch_stop_signals();
+  require_numbers(options);
+  StationFile file = station_file(options);
+  const station::StationConfig& config = file.station;
+  const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
+  const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
+  // What is wrong with a task, a script or a device is found before a server is asked.
+  if (simulated) intended_motion(options, file.task, 0);
+  // Forks, so before whatever has threads, keys or sockets.
+  scene_store::SceneKeeper scene(scene_options(options));
+  SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
+  if (view.has_window()) next.emplace();
+  SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
+  if (!simulated) add_pedals(opened, file.pedal);
+  if (!options.quiet && !simulated) {
+    fmt::print(stderr, "device: {}\n", opened.description);
+    for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  }
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
+  connection::ServerList servers(options);
+  if (dscp != 0 && !servers.set_dscp(dscp))
+    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
+  if (options.practice) {
+    servers.practise(*options.practice);
+    const std::string text = link::practice_text(*options.practice);
+    if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
+  }
+  link::ClientConfig client_config;
+  client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
+  client_config.nonce_seed = connection::random_nonce_seed();
+  SessionFile session_file(options.session_file);
+  client_config.resume_token = session_file.token();
+  client_config.redundancy = static_cast<std::size_t>(file.redundancy);
+  // Only a replay needs to know in which order the slave stepped.
+  if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
+  // The scene is run here too. Whether it is the server's own, the Welcome says.
+  Twins twins;
+  std::string no_twin;
+  const bool last_run = client_config.resume_token != 0;
+  const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
+  if (!options.scene.empty()) {
+    twins = twin::load_twins(options.scene, 2);
+    no_twin = too_slow(*twins[0], config.rate_hz);
+    if (!no_twin.empty()) twins.clear();
+  }
+  // Where nobody has said which, the sample itself is the first choice. Who only looks on feels nothing, but
+  // sees by it the marks that others make.
+  const bool looks_on = options.observe && (view.wanted() || !options.record.empty());
+  bool looks_for_twin =
+      options.scene.empty() && (wants_twin || (file.chooses_method && (!options.observe || looks_on)));
+  if (looks_for_twin || !twins.empty())
+    client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
+  if (!twins.empty()) client_config.snapshot_bytes = snapshot_room(*twins[0]);
+  std::optional<link::ClientSession> opened_session;
+  std::optional<connection::Farewell> farewell;
+  connection::connect_to_any(opened_session, client_config, servers, config.rate_hz, stop,
+                             [&](const std::string& why) {
+                               if (!options.quiet) fmt::print(stderr, "note: {}\n", why);
+                             });
+  // Until the loop begins the session is this server's.
+  connection::ServerLink& way = servers.link();
+  const net::Address server = servers.address();
+  farewell.emplace(*opened_session, way.datagram(), server);
+  const bool resumed = opened_session->resumed_unknown_account();
+  const std::vector<SceneChoice> scenes = list_scenes(*opened_session, way, server, scene.pipe(), stop);
+  if (!scenes.empty() && !options.quiet)
+    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
+               names_of(scenes));
+  if (!options.server_scene.empty())
+    choose_scene(*opened_session, way, server, scene.pipe(), options.server_scene, scenes, stop);
+  SessionParts parts{.options = options,
+                     .stop = stop,
+                     .file = file,
+                     .simulated = simulated,
+                     .scene = scene,
+                     .view = view,
+                     .next = next,
+                     .opened = opened,
+                     .servers = servers,
+                     .session_file = session_file,
+                     .wants_twin = wants_twin,
+                     .last_run = last_run,
+                     .resumed = resumed,
+                     .step_ring = client_config.step_ring,
+                     .client_config = client_config,
+                     .session = opened_session,
+                     .farewell = farewell,
+                     .scenes = scenes,
+                     .looks_for_twin = looks_for_twin,
+                     .twins = std::move(twins),
+                     .no_twin = no_twin,
+                     .record = options.record};
+  while (true) {
+    if (const std::optional<int> exit_code = run_at_scene(parts)) return *exit_code;
+    go_on(parts);
+  }
 }
 
 }  // namespace telenano::app

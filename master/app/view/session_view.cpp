@@ -153,7 +153,17 @@ void SessionView::wait_for(const Waiting& waiting, const std::function<void()>& 
 
 view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session) {
   if (!wanted()) return nullptr;
+  // What the loop and the screen have told each other of the sample before.
+  recording::Sample old;
+  while (port_.samples.pop(old)) {
+  }
+  view_model::ViewRequest unheard;
+  while (port_.requests.pop(unheard)) {
+  }
+  port_.undo.store({});
+  port_.scene.store({});
   viewer::ViewFacts& facts = parts_->facts;
+  facts = {};
   facts.scene_name = session.slave.scene_name;
   facts.server = session.server;
   facts.device_name = session.device.name;
@@ -206,6 +216,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
       fmt::print(stderr, "note: --surface {}: {}\n", options_.surface, facts.surface_doubt);
     parts_->scan_bytes = {};
     parts_->ground.emplace(surface::heights_in_frame_w(std::move(*parts_->scan)));
+    parts_->scan.reset();
   } else {
     parts_->fetched_ground = session.fetched_ground;
     parts_->ground.emplace(session.slave.surface_z_w_nm, session.slave.workspace_min_w_nm,
@@ -254,7 +265,14 @@ std::string SessionView::run(const RealTimeSession& live, bool give_way, const C
   hooks.session_end = callbacks.session_end;
   hooks.stop_wanted = callbacks.stop_wanted;
   try {
-    return draw(hooks, live);
+    std::string frames = draw(hooks, live);
+    if (callbacks.goes_on && callbacks.goes_on()) {
+      options_.surface.clear();  // a file of the sample that is left
+      options_.guide = false;
+    } else {
+      parts_->window.reset();  // what is left to do needs no picture
+    }
+    return frames;
   } catch (...) {
     // Without its picture a session would go on unseen, and with a mouse for ever.
     view_model::ViewRequest quit;
@@ -272,11 +290,9 @@ std::string SessionView::draw(const viewer::ViewHooks& hooks, const RealTimeSess
                        [&live] { return live.progress().time_s; });
     return "picture: " + options_.screenshot;
   }
-  const auto [frames, again, scene] =
+  const auto [frames, again] =
       viewer::run_window(*parts_->window, parts_->facts, std::move(*parts_->ground), port_, hooks);
   again_ = again;
-  next_scene_ = scene;
-  parts_->window.reset();  // what is left to do needs no picture
   return fmt::format(
       "viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99){}", frames.count(),
       1e-6 * static_cast<double>(frames.percentile_ns(0.5)),

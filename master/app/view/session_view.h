@@ -102,16 +102,15 @@ class SessionView {
   /// `work`, which may take seconds; what it throws is thrown. With a window it is done in a thread of its own
   /// while the window shows the sample. In the main thread.
   void wait_for(const Waiting& waiting, const std::function<void()>& work);
-  /// The loop's side, for RealTimeSession; null when no picture is wanted.
+  /// The loop's side, for RealTimeSession; null when no picture is wanted. Once for each sample.
   view_model::ViewRequestHandler* begin(const ViewedSession& session);
   /// After run(): a person wants the same session once more.
   bool again_wanted() const noexcept { return again_; }
-  /// With it: at this sample of the server; empty: at the same one.
-  const std::string& next_scene() const noexcept { return next_scene_; }
   struct Callbacks {
-    std::function<void()> each;                            ///< every now and then, while the session runs
-    std::function<view_model::SessionEnd()> session_end;   ///< once it is over; not asked of a photograph
-    std::function<bool()> stop_wanted;                     ///< a window that has stayed goes
+    std::function<void()> each;                           ///< every now and then, while the session runs
+    std::function<view_model::SessionEnd()> session_end;  ///< once it is over; not asked of a photograph
+    std::function<bool()> stop_wanted;                    ///< a window that has stayed goes
+    std::function<bool()> goes_on;  ///< once it is over: the window stays for another sample of the server
     std::function<const recording::Recorder*()> recorder;  ///< null: there is none
     std::function<std::string()> record;                   ///< begins a recording; its file. Throws UserError
   };
@@ -129,7 +128,6 @@ class SessionView {
   bool window_ = false;
   bool photo_ = false;
   bool again_ = false;
-  std::string next_scene_;
   view_model::ViewPort port_;
   rt::LatestValue<device::PointerState> pointer_;
   std::unique_ptr<view_model::ViewRequestHandler> requests_;

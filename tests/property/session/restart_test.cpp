@@ -18,13 +18,13 @@ void press(PressedWall& wall) {
   ASSERT_GT(wall.watch->force_nn, 5) << "in contact, or this shows nothing";
 }
 
-void comes_back(PressedWall& wall, std::uint32_t epoch) {
+void comes_back(PressedWall& wall, std::uint32_t epoch, int made = 2) {
   VirtualSession& s = *wall.session;
   EXPECT_LE(wall.worst_rise_n, wall.slew_limit_n());
   ASSERT_EQ(s.client().state(), link::ClientState::kEstablished);
   EXPECT_NE(s.client().welcome().epoch, epoch) << "a new account";
   EXPECT_EQ(s.station().mode(), station::Mode::kEngaged);
-  EXPECT_EQ(wall.watch->made, 2);
+  EXPECT_EQ(wall.watch->made, made);
   // The slave's new account, and none of the old one's.
   EXPECT_NEAR(s.client().slave_energy_aj().in(), wall.watch->energy_in_aj,
               0.02 * wall.watch->energy_in_aj + 0.1);
@@ -101,6 +101,49 @@ TEST(Restart, AnotherSceneIsALatchedStop) {
   wall.steps(1000);
   EXPECT_EQ(s.station().latched_faults(), 0u);
   EXPECT_LE(wall.worst_rise_n, wall.slew_limit_n());
+}
+
+TEST(Restart, AtAServerWithSeveralScenesTheStationAsksForItsOwnAgain) {
+  for (const Method method : {Method::kKsClamp, Method::kTank, Method::kModel}) {
+    PressedWall wall(method);
+    wall.config.scene_hash = 0x55;
+    press(wall);
+    VirtualSession& s = *wall.session;
+    const std::uint32_t epoch = s.client().welcome().epoch;
+    s.set_first_scene(0x77);
+    s.restart_server();
+    wall.watch->commanded_z_w_nm = s.client().welcome().start_pos_w_nm.z();  // the last slave's place is gone
+    bool seen_first = false;
+    for (int k = 0; k < 5000; ++k) {
+      wall.steps(1);
+      if (s.client().welcome().scene_hash != 0x77) continue;
+      seen_first = true;
+      ASSERT_NE(s.station().mode(), station::Mode::kEngaged) << "in the other scene nothing follows";
+      ASSERT_GE(wall.watch->commanded_z_w_nm, s.client().welcome().start_pos_w_nm.z())
+          << "its tip stands, or is withdrawn as the session leaves it";
+    }
+    EXPECT_TRUE(seen_first) << "the server begins there";
+    EXPECT_EQ(s.client().welcome().scene_hash, 0x55u);
+    EXPECT_EQ(s.server().counters().switched, 1u) << "asked once";
+    EXPECT_EQ(s.station().latched_faults(), 0u);
+    comes_back(wall, epoch, 3);
+  }
+}
+
+TEST(Restart, AtAServerThatRefusesItsSceneTheStationStops) {
+  PressedWall wall(Method::kKsClamp);
+  wall.config.scene_hash = 0x55;
+  press(wall);
+  VirtualSession& s = *wall.session;
+  s.set_first_scene(0x77);
+  s.set_scene_hash(0x78);
+  s.restart_server();
+  wall.steps(1000);
+  EXPECT_EQ(s.server().counters().switched, 0u);
+  EXPECT_EQ(s.client().welcome().scene_hash, 0x77u);
+  EXPECT_EQ(s.station().latched_faults(), station::kFaultOtherScene);
+  EXPECT_EQ(wall.last_force_n, 0);
+  EXPECT_EQ(wall.watch->commanded_z_w_nm, 100) << "withdrawn by the stop";
 }
 
 TEST(Restart, ARestartedStationIsNotCreditedWithWhatTheLastOneHadPutIn) {

@@ -116,6 +116,11 @@ RecordedSession load_session(const std::filesystem::path& path) {
   if (!reader.has("now_ns") || !reader.has("sent_ns"))
     throw UserError(path.string() +
                     ": was recorded by a program that is too old to be replayed (no column now_ns)");
+  if (const std::string before = reader.configuration("continued_from"); !before.empty())
+    throw UserError(
+        path.string() + ": begins in the middle of a session, which was at the sample '" + before +
+        "' before, with an energy account that it does not hold; 'telenano-master replay' repeats the hand's "
+        "motion");
   RecordedSession session;
   session.path = path;
   session.scene_name = text_of(reader, "scene_name");

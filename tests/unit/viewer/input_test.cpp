@@ -418,7 +418,8 @@ TEST_F(Render, TheSamplesOfAServerWithSeveralAreInThePanelAndAnotherIsChosenByAC
   facts_.scenes = {facts_.scene_name, "flat PDMS"};
   make();
   EXPECT_NE(words().find("Sample:"), std::string::npos);
-  EXPECT_EQ(viewer_->scene_wanted(), "");
+  view_model::ViewRequest request;
+  EXPECT_FALSE(port_.requests.pop(request)) << "nobody has chosen another";
 }
 
 // Asked of a server that can, and with the tip off the sample; else it is said why not, and nobody is asked.
