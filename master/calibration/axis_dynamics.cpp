@@ -1,6 +1,7 @@
 #include "telenano/master/calibration/axis_dynamics.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -180,9 +181,15 @@ struct Sums {
   double force = 0;  // weighted square
 
   void add(const Rows& rows, const Column& force_rows, const Column& weights) {
-    left += rows.transpose() * weights.asDiagonal() * rows;
-    right += rows.transpose() * weights.asDiagonal() * force_rows;
-    force += force_rows.dot(weights.asDiagonal() * force_rows);
+    // Loops, here and in solve(): the compiler unrolls Eigen's products of these sizes, which takes it long.
+    for (int row = 0; row < kRows; ++row) {
+      for (int i = 0; i < kUnknowns; ++i) {
+        const double weighted = rows(row, i) * weights(row);
+        for (int j = 0; j < kUnknowns; ++j) left(i, j) += weighted * rows(row, j);
+        right(i) += weighted * force_rows(row);
+      }
+      force += force_rows(row) * weights(row) * force_rows(row);
+    }
   }
   Sums& operator+=(const Sums& other) {
     left += other.left;
@@ -197,20 +204,18 @@ struct Sums {
     rest.force -= other.force;
     return rest;
   }
-  /// The first `Count` unknowns; the others are 0.
-  template <int Count>
+  /// The smallest solution: an unknown whose row and column are zero is 0. One size for all, because each size of the
+  /// decomposition costs seconds to compile.
   Unknowns solve() const {
-    using Square = Eigen::Matrix<double, Count, Count>;
-    using Vector = Eigen::Matrix<double, Count, 1>;
     // Columns of very different size: scaled to ones on the diagonal.
-    const Vector scale = left.diagonal().template head<Count>().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    const Square scaled =
-        scale.asDiagonal() * left.template topLeftCorner<Count, Count>() * scale.asDiagonal();
-    const Vector right_side = scale.cwiseProduct(right.template head<Count>());
-    const Vector found = scaled.completeOrthogonalDecomposition().solve(right_side);
-    Unknowns all = Unknowns::Zero();
-    all.template head<Count>() = scale.cwiseProduct(found);
-    return all;
+    const Unknowns scale = left.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    Normal scaled;
+    for (int i = 0; i < kUnknowns; ++i) {
+      for (int j = 0; j < kUnknowns; ++j) scaled(i, j) = scale(i) * left(i, j) * scale(j);
+    }
+    const Unknowns right_side = scale.cwiseProduct(right);
+    const Unknowns found = scaled.completeOrthogonalDecomposition().solve(right_side);
+    return scale.cwiseProduct(found);
   }
   double residual(const Unknowns& unknowns) const {
     return std::max(0.0, force - 2 * unknowns.dot(right) + unknowns.dot(left * unknowns));
@@ -281,7 +286,7 @@ class Fit {
     double best_s = 0;
     for (double latency_s = 0; latency_s <= kLatencyMost_s; latency_s += kLatencyGrid_s) {
       const Sums sums = total_without_latency(latency_s);
-      const double residual = sums.residual(sums.solve<kLaw>());
+      const double residual = sums.residual(sums.solve());
       if (least < 0 || residual < least) {
         least = residual;
         best_s = latency_s;
@@ -322,7 +327,7 @@ class Fit {
         rows.col(5) = -(later - sooner) / (2 * kLatencyStep_s);
         stretches_[i * kStretches / windows_.size()].add(rows, here, weights_);
       }
-      found = total().solve<kUnknowns>();
+      found = total().solve();
       if (round == 0) latency_s_ = std::clamp(latency_s_ + found(5), -kLatencyStep_s, kLatencyMost_s);
     }
     return found;
@@ -349,12 +354,12 @@ Estimate estimate(std::span<const Sums> stretches) {
   std::array<Unknowns, kStretches> without;
   Unknowns mean = Unknowns::Zero();
   for (std::size_t i = 0; i < stretches.size(); ++i) {
-    without[i] = all.without(stretches[i]).solve<kUnknowns>();
+    without[i] = all.without(stretches[i]).solve();
     mean += without[i] / count;
   }
   Unknowns squares = Unknowns::Zero();
   for (std::size_t i = 0; i < stretches.size(); ++i) squares += (without[i] - mean).cwiseAbs2();
-  return {all.solve<kUnknowns>(), (squares * (count - 1) / count).cwiseSqrt()};
+  return {all.solve(), (squares * (count - 1) / count).cwiseSqrt()};
 }
 
 // Each half with its own errors: those of the whole would hold the change that is looked for.
