@@ -285,12 +285,10 @@ TEST(FieldsAgainstElasticity, SoftGroundAndAdhesionOfShortRange) {
     physics::TipSampleParameters soft = silicon_oxide();
     soft.contact_modulus_gpa = modulus * 4.0 / 3;
     const BranchPotential law(physics::TipSampleLaw(soft), radius);
-    const auto greatest_pull = [](const ForceOf& force) {
-      double most = 0;
-      for (int k = -100; k < 1000; ++k) most = std::max(most, -force(0.01 * k));
-      return most;
-    };
-    const double on_flat = greatest_pull(flat_force(law, radius));
+    const double highest_nm = 10;
+    const double on_flat = pull_off_nn(flat_force(law, radius), highest_nm);
+    // Else the law's range would be compared with none.
+    EXPECT_NEAR(on_flat / (1.5 * 3.14159265358979323846 * 0.4 * radius), 1.0, 0.01);
     const auto pull_off = std::make_shared<physics::RetractionKernel>(retraction_kernel(law, radius));
     std::vector<double> errors;
     for (std::size_t k = 1; k < rows.size(); ++k) {
@@ -299,11 +297,13 @@ TEST(FieldsAgainstElasticity, SoftGroundAndAdhesionOfShortRange) {
       const ScanFields fields(piece_round(scan, row.column, row.row), radius,
                               physics::softening_rule(radius, 0.4, modulus, 0.165), {}, {}, pull_off);
       const double x = scan.x_first_nm + row.column * scan.dx_nm, y = scan.y_first_nm + row.row * scan.dy_nm;
-      const double ratio = greatest_pull([&](double z) {
-                             ContactJet jet;
-                             fields.contact_at({x, y, row.touch_nm + z}, jet);
-                             return retraction_force_nn(law, jet);
-                           }) /
+      const double ratio = pull_off_nn(
+                               [&](double z) {
+                                 ContactJet jet;
+                                 fields.contact_at({x, y, row.touch_nm + z}, jet);
+                                 return retraction_force_nn(law, jet);
+                               },
+                               highest_nm) /
                            on_flat;
       const double reference = row.pull_off_nn / rows[0].pull_off_nn;
       errors.push_back(std::abs(ratio / reference - 1));

@@ -48,9 +48,10 @@ double same_flat_force_nm(const Place& flat, const ForceOf& on_flat, double abov
   return 0.5 * (deep + shallow);
 }
 
-double pull_off_nn(const ForceOf& force) {
+double pull_off_nn(const ForceOf& force, double to_nm) {
   double most = 0;
-  for (int k = -100; k < 1500; ++k) most = std::max(most, -force(0.002 * k));
+  const int last = static_cast<int>(std::lround(to_nm / 0.002));
+  for (int k = -100; k < last; ++k) most = std::max(most, -force(0.002 * k));
   return most;
 }
 

@@ -26,8 +26,9 @@ ForceOf flat_force(const physics::BranchPotential& law, double radius_nm);
 /// are pressed: Lennard and Jones' bodies touch a z0 earlier than Dugdale's, which says nothing of the ground.
 double same_flat_force_nm(const Place& flat, const ForceOf& on_flat, double above_touch_nm);
 
-/// The greatest attraction between 0.2 nm below and 3 nm above first touch, to 2 pm of height.
-double pull_off_nn(const ForceOf& force);
+/// The greatest attraction between 0.2 nm below and `to_nm` above first touch, to 2 pm of height. Soft samples come off
+/// higher than 3 nm.
+double pull_off_nn(const ForceOf& force, double to_nm = 3);
 
 /// One place against its reference.
 struct PlaceError {
