@@ -199,6 +199,10 @@ int run_stress(const Arguments& a) {
         "stress: expected one of --quick, --full, --sample, --merge, --replay, --shrink, --mutants, "
         "--realtime, "
         "--bench");
+  if ((a.bench || a.mutants || a.realtime) && !(a.methods.empty() && a.scenes.empty()))
+    throw UserError(
+        "stress: --bench, --mutants and --realtime have methods and scenes of their own: omit "
+        "--methods and --scenes");
   if (!a.results.empty() && a.no_report)
     throw UserError("stress: --results keeps the report, which --no-report leaves out");
   if (!a.replay.empty()) return replay(a);
