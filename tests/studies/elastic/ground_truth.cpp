@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <random>
+#include <utility>
 
 #include "telenano/nve_server/physics/potential/retraction.h"
 
@@ -13,6 +15,38 @@ double retraction_force_nn(const physics::BranchPotential& law, const physics::C
   physics::retraction(law, jet.overlap_nm, jet.log_radius, potential);
   return -(potential.force_nn * jet.overlap_grad.z() +
            potential.by_radius_aj * jet.log_radius_grad_per_nm.z());
+}
+
+ForceOf vertical_force(const physics::BranchPotential& law, ContactOf contact) {
+  return [&law, contact = std::move(contact)](double z) {
+    struct Seen {
+      double overlap_nm, log_radius;
+    };
+    const auto seen = [&](double at) {
+      physics::ContactJet jet;
+      double cosine = 1;
+      contact(at, jet, cosine);
+      return Seen{jet.overlap_nm / cosine, jet.log_radius + 2 * std::log(cosine)};
+    };
+    // δ/c and ρ + 2 ln c are C² in z: central differences of 1e-4 nm leave 1e-8 of their slopes.
+    constexpr double kStep = 1e-4;
+    const Seen here = seen(z), above = seen(z + kStep), below = seen(z - kStep);
+    physics::ContactJet jet;
+    jet.overlap_nm = here.overlap_nm;
+    jet.log_radius = here.log_radius;
+    jet.overlap_grad = Vec3(0, 0, (above.overlap_nm - below.overlap_nm) / (2 * kStep));
+    jet.log_radius_grad_per_nm = Vec3(0, 0, (above.log_radius - below.log_radius) / (2 * kStep));
+    return retraction_force_nn(law, jet);
+  };
+}
+
+ContactOf contact_of(const physics::ScanFields& fields, double x_nm, double y_nm, double touch_nm) {
+  return [&fields, x_nm, y_nm, touch_nm](double z, physics::ContactJet& jet, double& cosine) {
+    const Vec3 apex(x_nm, y_nm, touch_nm + z);
+    fields.contact_at(apex, jet);
+    double unmarked_log_radius = 0;
+    fields.ground_at(apex, cosine, unmarked_log_radius);
+  };
 }
 
 double lateral_force_nn(const physics::BranchPotential& law, const physics::ContactJet& jet) noexcept {
@@ -59,19 +93,34 @@ double PlaceError::pull_off_error() const noexcept {
   return std::abs(pull_off_ratio / reference_ratio - 1);
 }
 
-PlaceError place_error(const Place& flat, const ForceOf& on_flat, const Place& place, const ForceOf& force) {
+PlaceError place_error(const physics::BranchPotential& law, const Place& flat, const ForceOf& on_flat,
+                       const Place& place, const ContactOf& contact) {
+  const ForceOf force = vertical_force(law, contact);
   PlaceError result;
+  physics::ContactJet jet;
+  contact(-0.4, jet, result.cosine);
   result.pull_off_ratio = pull_off_nn(force) / pull_off_nn(on_flat);
   result.reference_ratio = place.pull_off_nn() / flat.pull_off_nn();
   for (std::size_t k = 0; k < place.states.size() && k < flat.states.size(); ++k) {
     const State& state = place.states[k];
     if (state.z_nm > -0.2) continue;
-    const double law = flat.states[k].force_nn - on_flat(flat.states[k].z_nm);
-    const double off = force(state.z_nm) + law - state.force_nn;
+    const double lennard_jones_nn = flat.states[k].force_nn - on_flat(flat.states[k].z_nm);
+    const double off = force(state.z_nm) + lennard_jones_nn - state.force_nn;
     result.pressed_error_nn2 += off * off;
     result.pressed_square_nn2 += state.force_nn * state.force_nn;
   }
   return result;
+}
+
+bool is_steep(const PlaceError& place) noexcept {
+  return place.cosine < 0.8660254037844386;
+}
+
+std::vector<PlaceError> without_steep(const std::vector<PlaceError>& places) {
+  std::vector<PlaceError> gentle;
+  std::copy_if(places.begin(), places.end(), std::back_inserter(gentle),
+               [](const PlaceError& p) { return !is_steep(p); });
+  return gentle;
 }
 
 double pressed_error(const std::vector<PlaceError>& places) {
