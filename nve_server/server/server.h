@@ -106,7 +106,8 @@ struct ServerConfig {
 
 struct ServerCounters {
   std::uint64_t datagrams = 0;
-  std::uint64_t exchanges = 0;  ///< commands answered
+  std::uint64_t exchanges = 0;  ///< commands accepted: answered, or
+  std::uint64_t left_out = 0;   ///< within the deadband of their session
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
@@ -127,6 +128,7 @@ struct ServerCounters {
   void add(const ServerCounters& more) noexcept {
     datagrams += more.datagrams;
     exchanges += more.exchanges;
+    left_out += more.left_out;
     opened += more.opened;
     resumed += more.resumed;
     timed_out += more.timed_out;

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "telenano/common/link/reply_gate.h"
 #include "telenano/common/link/session_table.h"
 #include "telenano/common/link/snapshot.h"
 #include "telenano/common/link/step_log.h"
@@ -41,6 +42,7 @@ struct SessionRecord {
   std::uint32_t audited_faults = 0;     ///< of the slave, since the last event
   std::int64_t audited_ns = INT64_MIN;  ///< when that was
 
+  link::ReplyGate replies;  ///< which of them are left out
   PortControl control;
   PortAccount account;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;

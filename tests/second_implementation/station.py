@@ -195,6 +195,10 @@ class Station:
         assert features_used(m) & ~self.welcome.feature_bits == 0, "a field of a feature that was not agreed"
         return encode(m)
 
+    def commands_not_accepted(self):
+        """When the server sent the newest reply."""
+        return self.reply.command_sequence - self.reply.sequence - self.reply.replies_left_out
+
     def repeat(self, m):
         """The last commands with this one, and this one kept for those that come."""
         wave = m.method == 4
@@ -214,7 +218,7 @@ class Station:
         need(m.epoch == self.welcome.epoch, "wrong_epoch")
         need(m.command_sequence <= self.sent, "out_of_range")
         need(features_used(m) & ~self.welcome.feature_bits == 0, "unexpected")
-        need(m.sequence <= m.command_sequence, "out_of_range")
+        need(m.sequence + m.replies_left_out <= m.command_sequence, "out_of_range")
         self.replies.accept(m.sequence, now_ns)
         self.tip_hold = m.tip_hold
         self.hear_log(m, now_ns)

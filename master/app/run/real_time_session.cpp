@@ -57,6 +57,7 @@ void RealTimeSession::run() noexcept {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
     if (recorder_ == nullptr) recorder_ = later_recorder_.load(std::memory_order_acquire);
+    if (recorder_ != nullptr) loop_.set_records();
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (requests_ != nullptr) ask_screen(sample);
@@ -391,6 +392,7 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.twin_left = twin_left_;
   p.force_scale_without_twin = station_.config().impedance_without_twin / scaling.velocity;
   if (scaling_.follows() && keeps_plan_) p.planned_delay_s = scaling_.planned_s();
+  p.reply_deadband_permille = loop_.told_reply_deadband().relative_permille;
   p.send_hz = loop_.rate().rate_hz();
   p.send_full_hz = loop_.rate().full_hz();
   p.send_least_hz = loop_.rate().lowest_hz();

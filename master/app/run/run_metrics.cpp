@@ -30,6 +30,9 @@ void write_link(const link::LinkQuality& q, metrics::Page& page) {
                number(q.commands_lost));
   page.counter("telenano_link_replies_total", "Replies that came", number(q.replies));
   page.counter("telenano_link_replies_lost_total", "Replies that did not come", number(q.replies_lost));
+  page.counter("telenano_link_replies_left_out_total",
+               "Replies that the server left out, their force within the deadband",
+               number(q.replies_left_out));
   page.counter("telenano_link_replies_reordered_total", "Replies that a newer one had overtaken",
                number(q.reordered));
   page.counter("telenano_link_replies_duplicate_total", "Replies that came again", number(q.duplicates));
@@ -63,6 +66,9 @@ void write_metrics(const Progress& p, metrics::Page& page) {
   page.counter("telenano_playout_late_total", "Replies too late to be played out", number(p.playout_late));
   page.counter("telenano_commands_held_total", "Commands not sent, within the deadband",
                number(p.commands_held));
+  page.gauge("telenano_reply_deadband_ratio",
+             "Change of force without a reply that the server was told last, as a share of the force",
+             1e-3 * p.reply_deadband_permille);
   page.gauge("telenano_send_rate_hz", "Datagrams a second that the link is given", p.send_hz);
   for (const auto reason :
        {link::RateReason::kFull, link::RateReason::kStart, link::RateReason::kQueue, link::RateReason::kLoss,

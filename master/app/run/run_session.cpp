@@ -119,6 +119,7 @@ StationFile station_file(const RunOptions& options) {
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
   if (options.duration_s) file.task.duration_s = *options.duration_s;
   if (options.redundancy) file.redundancy = *options.redundancy;
+  if (options.reply_deadband_permille) file.kept_reply_deadband_permille = options.reply_deadband_permille;
   if (!options.send_hz.empty()) file.send_hz = parse_send_hz(options.send_hz);
   if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
   finish_station_file(file, options.config_file.empty() ? "command line" : options.config_file);
@@ -208,7 +209,7 @@ double playout_delay_s(const StationFile& file) {
 // How the session will run, and what of the wishes this server or link does not give.
 void tell_terms(const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
                 const std::string& scene_name, const station::ScalingCheck& check, const std::string& planned,
-                const device::DeviceInfo& device) {
+                const device::DeviceInfo& device, bool records) {
   const control::Method method = file.station.method;
   fmt::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
              control::method_name(method),
@@ -225,6 +226,19 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
   if (device.has_force) fmt::print(stderr, "{}\n", damping_text(file, device));
   if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
     fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
+  if (const double permille = file.kept_reply_deadband_permille.value_or(0); permille > 0) {
+    if ((welcome.feature_bits & link::kFeatureStepLog) != 0) {
+      fmt::print(stderr,
+                 "note: a session whose steps are logged has every command answered; running without "
+                 "--reply-deadband\n");
+    } else if ((welcome.feature_bits & link::kFeatureReplyDeadband) == 0) {
+      fmt::print(stderr, "note: this server leaves no reply out; running without --reply-deadband\n");
+    } else if (records) {
+      fmt::print(stderr,
+                 "note: with --reply-deadband the forces in the recording have steps of up to {:g} %\n",
+                 0.1 * permille);
+    }
+  }
   const double playout_s = playout_delay_s(file);
   if (file.link.playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
     fmt::print(stderr,
@@ -606,7 +620,8 @@ std::optional<int> run_at_scene(SessionParts& parts) {
   };
   std::unique_ptr<recording::Recorder> recorder = new_recorder(options);
   std::string recorded = options.record;
-  if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info);
+  if (!options.quiet)
+    tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info, !options.record.empty());
   if (!parts.station) {
     parts.station.emplace(config, device_info, port);
   } else {

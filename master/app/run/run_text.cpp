@@ -23,6 +23,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
   if (p.send_hz < p.send_full_hz)
     line += fmt::format("  sending {:.0f} of {:.0f} Hz: {}", p.send_hz, p.send_full_hz,
                         link::name(p.send_reason));
+  if (p.reply_deadband_permille > 0 || p.link.replies_left_out > 0)
+    line += fmt::format("  {} replies left out", p.link.replies_left_out);
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
   if (p.twin == station::TwinState::kApart)
@@ -133,6 +135,10 @@ void print_sending(const Progress& last) {
   fmt::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
              "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,
              last.send_lowered);
+  if (last.link.replies_left_out > 0)
+    fmt::print(stderr, "  {:<36} {} of {}, their force within the deadband\n", "replies left out",
+               last.link.replies_left_out,
+               last.link.replies_left_out + last.link.replies + last.link.replies_lost);
 }
 
 std::string slave_fault_names() {

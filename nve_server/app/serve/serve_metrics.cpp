@@ -70,7 +70,10 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
                number(s.counters.timed_out));
   page.counter("telenano_sessions_ended_total", "Sessions ended by Bye", number(s.counters.ended));
   page.counter("telenano_datagrams_total", "Datagrams received", number(s.counters.datagrams));
-  page.counter("telenano_exchanges_total", "Commands answered", number(s.counters.exchanges));
+  page.counter("telenano_exchanges_total", "Commands accepted", number(s.counters.exchanges));
+  page.counter("telenano_replies_left_out_total",
+               "Commands accepted whose reply was left out, its force within the station's deadband",
+               number(s.counters.left_out));
   page.counter("telenano_scene_pieces_total", "Pieces of the scene that stations have fetched",
                number(s.counters.scene_chunks));
   page.counter("telenano_commands_recovered_total", "Lost commands that a later datagram repeated",

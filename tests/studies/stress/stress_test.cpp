@@ -381,6 +381,7 @@ TEST(RunSpecText, SaysWhatIsWrong) {
                            "redundancy=1.5",
                            "redundancy=5",
                            "deadband-nm=-1",
+                           "reply-permille=1001",
                            "hand=path hand-b=0.1 knots-m=0.1",
                            "hand=path hand-b=0.1 knots-m=0,x"})
     EXPECT_THROW(parse_run_spec(text), UserError) << text;
@@ -414,6 +415,22 @@ TEST(Profile, TheFullOneIsAsLargeAsItSaysAndRepeats) {
   const auto again = make_profile(options);
   ASSERT_EQ(again.size(), runs.size());
   for (std::size_t i = 0; i < runs.size(); i += 101) ASSERT_EQ(to_text(again[i]), to_text(runs[i]));
+}
+
+TEST(Profile, TheOneOfRepliesLeavesSomeOutInEachRun) {
+  ProfileOptions options;
+  options.replies = true;
+  options.methods.assign(control::kAllMethods.begin(), control::kAllMethods.end());
+  options.scenes = {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan};
+  const auto runs = make_profile(options);
+  EXPECT_GE(runs.size(), 12'000u);
+  for (const RunSpec& spec : runs) {
+    ASSERT_GT(spec.reply_permille, 0);
+    ASSERT_NE(spec.method, Method::kTwin);
+    ASSERT_EQ(to_text(parse_run_spec(to_text(spec))), to_text(spec));
+  }
+  options.methods = {Method::kTwin};
+  EXPECT_THROW(make_profile(options), UserError);
 }
 
 TEST(Profile, ARangeLeavesOutWhatIsBeyondIt) {
@@ -590,6 +607,8 @@ TEST(StressRun, LinkOptionsDoWhatTheySay) {
       "method=none scene=oxide hand=square hand-a=0.008 hand-b=0.02 loss=0.3 burst-ms=2";
   EXPECT_NE(of(lossy + " redundancy=4").hash, of(lossy).hash);
   // A staircase of 1 mm of the hand against one of a tick's motion.
+  EXPECT_GT(of("method=none reply-permille=500 reply-n=0.1").force_step_n,
+            2 * of("method=none").force_step_n);
   EXPECT_GT(of("method=none deadband-nm=1").force_step_n, 2 * of("method=none").force_step_n);
 }
 

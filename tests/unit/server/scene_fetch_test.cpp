@@ -56,7 +56,7 @@ struct Fetching {
         ++replies;
         const auto& stats = session.client.stats();
         rate.on_reply(session.link.now_ns(), stats.samples() != rtt_samples ? stats.rtt_last_ns() : -1,
-                      session.client.reply().command_sequence);
+                      {session.client.reply().command_sequence, session.client.reply().sequence, 0});
         rtt_samples = stats.samples();
       }
       if (event != link::ClientEvent::kSceneChunk) return;
