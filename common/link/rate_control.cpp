@@ -22,8 +22,9 @@ constexpr double kRiseHzS = 40;         // a second,
 constexpr double kCalmS = 1.5;          // and after so long without a queue
 constexpr double kFasterHzS2 = 120;     // so much more each second
 constexpr double kLossByChance = 0.19;  // 10 % each way: 1 − 0.9²
-// Of three replies in 20 ms all are lost 20 times less often than once in a minute: 50 · 60 · 0.02³ = 0.02.
-constexpr double kLossForDeadband = 0.02;
+// Of three replies in 20 ms all are then lost once in five hours (50 · 0.01³ a second); of two, at a low rate, every
+// few minutes, and the force begins to fade.
+constexpr double kLossForDeadband = 0.01;
 constexpr std::int64_t kProbeNs = 10'000'000'000;
 constexpr std::int64_t kLossWindowNs = 500'000'000;
 constexpr std::uint64_t kLossLeast = 40;            // commands: 10 % of them are four

@@ -16,7 +16,7 @@ namespace telenano::link {
 /// Sent in any case: whatever says another contact state, fault, holding, model, particle state, energy or wave sent by
 /// the port; the reply to a command with other flags, method, scale, holding or deadband; a wave, which the station
 /// counts by the time between two replies; and so many that no more than kLongestNs pass between two, by the
-/// commands' own times. Energies are running sums: those of a reply that is left out are in the next one. So are
+/// commands' own times, or kLongestOfTwoNs where only every second one is left out. Energies are running sums: those of a reply that is left out are in the next one. So are
 /// the accounts exact, whatever is left out.
 ///
 /// The time is the station's, out of its commands, and not the server's: which replies are left out follows from the
@@ -25,6 +25,8 @@ class ReplyGate {
  public:
   /// Three of these, and the way's jitter, within the 20 ms for which a force is held: two may be lost in a row.
   static constexpr std::int64_t kLongestNs = 6'000'000;
+  /// Where commands come less often: every second one is answered. As far apart as a station's own heartbeat.
+  static constexpr std::int64_t kLongestOfTwoNs = 10'000'000;
   /// Whatever times the commands claim. At most half of those that Reply::steps_before can tell of.
   static constexpr std::uint32_t kMostInRow = 32;
 
@@ -55,7 +57,8 @@ class ReplyGate {
     if (command.reply_deadband.empty() || in_row_ >= kMostInRow) return true;
     const auto since_ns = static_cast<std::int64_t>(command.send_time_ns - send_time_ns_);
     const double next_ns = static_cast<double>(since_ns) + 1e9 * spacing_s;
-    return since_ns < 0 || !(next_ns <= static_cast<double>(kLongestNs));
+    const std::int64_t longest_ns = in_row_ == 0 ? kLongestOfTwoNs : kLongestNs;
+    return since_ns < 0 || !(next_ns <= static_cast<double>(longest_ns));
   }
 
   bool is_within(const Vec3& force_w_nn, const ReplyDeadband& deadband) const noexcept {

@@ -34,7 +34,7 @@ class SequenceWindow:
 class ReplyDeadband:
     """Which replies a server leaves out (section 4, Reply deadband)."""
 
-    LONGEST_NS, MOST_IN_A_ROW = 6_000_000, 32
+    LONGEST_NS, LONGEST_OF_TWO_NS, MOST_IN_A_ROW = 6_000_000, 10_000_000, 32
     OF_COMMAND = ("flags", "method", "energy_scale_aj_j", "tip_hold", "reply_floor_pn", "reply_relative_permille")
     OF_REPLY = ("epoch", "contact_state", "fault_bits", "tip_hold", "model_version", "particle_state", "energy_sent_aj",
                 "wave_sum_w_x_sqrt_aj_s", "wave_sum_w_y_sqrt_aj_s", "wave_sum_w_z_sqrt_aj_s", "wave_energy_aj")
@@ -63,7 +63,8 @@ class ReplyDeadband:
         asked = command.reply_floor_pn or command.reply_relative_permille
         if not asked or command.method == 4 or self.in_row >= self.MOST_IN_A_ROW or since_ns < 0:
             return False
-        if since_ns + spacing_ns > self.LONGEST_NS or self.says(command, reply) != self.says(before, last):
+        longest_ns = self.LONGEST_NS if self.in_row else self.LONGEST_OF_TWO_NS
+        if since_ns + spacing_ns > longest_ns or self.says(command, reply) != self.says(before, last):
             return False
         force, shown = vector(reply, "force_w_{}_nn"), vector(last, "force_w_{}_nn")
         most_nn = max(1e-3 * command.reply_floor_pn, 1e-3 * command.reply_relative_permille * math.hypot(*shown))

@@ -336,16 +336,16 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
     return twins;
   }
   keeper.start();
-  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, stop);
+  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, rate_hz, stop);
   if (!keeper.settled() && !stop) {
     if (!quiet)
       fmt::print(stderr, "note: making the server's scene ready here, which takes longer the first time\n");
     wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt,
-                   wanted ? kTwinSceneWaitS : kFirstSceneWaitS, stop);
+                   wanted ? kTwinSceneWaitS : kFirstSceneWaitS, rate_hz, stop);
   }
   const auto scene = keeper.scene();
   if (scene && scene->same_physics) {
-    const KeepAwake awake(session, way, server, keeper.pipe());
+    const KeepAwake awake(session, way, server, keeper.pipe(), rate_hz);
     twins = twin::decode_twins(scene->bundle, 2);
     why = too_slow(*twins[0], rate_hz);
     if (!why.empty()) twins.clear();
@@ -539,7 +539,7 @@ std::optional<int> run_at_scene(SessionParts& parts) {
                      view.has_window() ? SceneWait::kGround
                      : view.wanted()   ? SceneWait::kLookedAt
                                        : SceneWait::kBytes,
-                     kSceneWaitS, stop);
+                     kSceneWaitS, config.rate_hz, stop);
   };
   {
     const link::Welcome first = opened_session->welcome();
@@ -561,7 +561,7 @@ std::optional<int> run_at_scene(SessionParts& parts) {
   // Until the loop begins: a terminal that takes no more text, planning, a recording's file or a window may
   // keep this thread for longer than the server waits.
   std::optional<KeepAwake> awake;
-  parts.starter.call([&] { awake.emplace(session, way, server, scene.pipe()); });
+  parts.starter.call([&] { awake.emplace(session, way, server, scene.pipe(), config.rate_hz); });
   if (!no_twin.empty() && !options.quiet && !options.observe) tell_no_twin(no_twin, !file.chooses_method);
   if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
 

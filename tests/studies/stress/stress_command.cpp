@@ -252,7 +252,7 @@ void add_stress_command(CLI::App& app, int& exit_code) {
       ->type_name("N");
   command->add_flag(
       "--reply-deadband", a->replies,
-      "more than 12 000 runs in which the server leaves out replies whose force is within a deadband");
+      "more than 30 000 runs in which the server leaves out replies whose force is within a deadband");
   command
       ->add_option("--merge", a->merge_folder,
                    "join the shards in this folder into runs.csv and write the report")

@@ -423,7 +423,7 @@ TEST(Profile, TheOneOfRepliesLeavesSomeOutInEachRun) {
   options.methods.assign(control::kAllMethods.begin(), control::kAllMethods.end());
   options.scenes = {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan};
   const auto runs = make_profile(options);
-  EXPECT_GE(runs.size(), 12'000u);
+  EXPECT_GE(runs.size(), 30'000u);
   for (const RunSpec& spec : runs) {
     ASSERT_GT(spec.reply_permille, 0);
     ASSERT_NE(spec.method, Method::kTwin);

@@ -418,6 +418,25 @@ TEST(RateControl, RepliesThatAreLeftOutAreNoLoss) {
   EXPECT_NEAR(hz[1], hz[0], 0.15 * hz[0]);
 }
 
+// What the link carries is counted by commands: with five of six replies left out, a queue lowers the rate
+// to a part of those, not of the replies that came.
+TEST(RateControl, AQueueLowersTheRateNoFurtherForRepliesLeftOut) {
+  double commands_s[2] = {0, 0};
+  for (const std::uint64_t leaves_out : {0u, 5u}) {
+    World::Flow f = flow();
+    f.leaves_out = leaves_out;
+    World world({500, 64, 4}, {f});
+    world.run(5e9);
+    const std::uint64_t before = world.flows[0].sent;
+    world.run(25e9);
+    EXPECT_GT(world.flows[0].control.lowered(), 0u);
+    commands_s[leaves_out > 0] = static_cast<double>(world.flows[0].sent - before) / 20;
+  }
+  std::printf("commands a second: %.0f, and %.0f with five of six replies left out\n", commands_s[0],
+              commands_s[1]);
+  EXPECT_GE(commands_s[1], 0.65 * commands_s[0]);
+}
+
 // A force that rests for two seconds and moves for half of one: then every reply is there. The rate has not risen into
 // the room that was left by those that were not.
 TEST(RateControl, AForceThatMovesAgainFindsItsRoom) {
