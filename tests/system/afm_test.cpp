@@ -184,6 +184,28 @@ TEST_F(AfmProgramsTest, ATaskThroughStationServerAndController) {
   EXPECT_NE(end.find("SafeTip 0 times"), std::string::npos) << end;
 }
 
+// An AFM's sessions never have a log of steps, so that they may have a deadband for replies; what it measures is noisy.
+TEST_F(AfmProgramsTest, RepliesWithinADeadbandAreLeftOut) {
+  Simulator simulator;
+  ChildProcess server(serve(simulator.ports(), afm()));
+  const int port = port_of(server);
+  ASSERT_GT(port, 0);
+  const std::string file = path("afm.h5");
+  const Finished run =
+      run_program({kMaster, "run", "--server", "127.0.0.1:" + std::to_string(port), "--task", "indent",
+                   "--duration-s", "5", "--method", "ks-clamp", "--reply-deadband", "100", "--record", file},
+                  {}, kLong);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const recording::RecordingReader reader(file);
+  const double left_out = reader.read("replies_left_out").back(), sent = reader.read("reply_sequence").back();
+  std::printf("an AFM's replies: %.0f sent, %.0f left out\n", sent, left_out);
+  EXPECT_GT(left_out, sent);
+  EXPECT_LT(reader.read("commands_lost").back() + reader.read("lost").back(), 0.02 * sent);
+  server.signal(SIGTERM);
+  ASSERT_TRUE(server.wait(kLong));
+  EXPECT_NE(simulator.stop().find("tip withdrawn"), std::string::npos);
+}
+
 // A log of steps is for slaves whose state it makes: catching up on a real tip would be a plunge. A station that
 // asks for the twin gets none from an AFM, and says why; its recording knows of no logged step. Somebody who
 // sends steps all the same is not answered, and nothing follows them.
