@@ -417,6 +417,7 @@ struct Tended {
 // Before there is a loop as within it: a thin link has no queue, a wide one is as fast as ever.
 TEST(FetchScene, BeforeTheLoopItLeavesAThinLinkNoQueueEither) {
   const auto bundle = bundle_of(600'000);
+  int took_ms[2] = {0, 0};
   for (const bool paced : {false, true}) {
     Server server(test_config(), fetchable(bundle));
     net::SimPath thin = path(2, 0);
@@ -431,13 +432,14 @@ TEST(FetchScene, BeforeTheLoopItLeavesAThinLinkNoQueueEither) {
     }
     std::printf("600 kB over 1 Mbit/s, %s: %d ms, longest round trip after 2 s %.1f ms\n",
                 paced ? "paced" : "not paced", ms, worst_ms);
+    took_ms[paced] = ms;
     if (!paced) {
       EXPECT_GT(worst_ms, 200) << "what is mended";
       continue;
     }
     EXPECT_EQ(t.fetch.state(), SceneFetch::State::kDone);
     EXPECT_LE(worst_ms, 30);
-    EXPECT_LT(ms, 20'000);
+    EXPECT_LT(took_ms[1], 1.1 * took_ms[0]) << "it takes what the link has";
     EXPECT_EQ(t.client.state(), link::ClientState::kEstablished);
   }
   Server server(test_config(), fetchable(bundle_of(265'000)));
