@@ -175,10 +175,10 @@ void write_steps(std::span<const std::uint8_t> steps, std::uint8_t* at) noexcept
 template <class Message>
 std::size_t write_flat(MessageType type, const Message& message, const RecentCommands& recent,
                        std::span<std::uint8_t> out, std::span<const std::uint8_t> steps = {}) noexcept {
-  // Where `out` might be too short. Fields that no session has together may come to more than a datagram holds.
-  constexpr std::size_t kRoom = kMaxDatagramBytes + 64;
-  std::array<std::uint8_t, kRoom> apart;
-  const bool fits = out.size() >= (steps.empty() ? kMaxDatagramBytes : kRoom);
+  // Where `out` might be too short; and with steps, where fields that no session has together would come to more than
+  // a datagram holds.
+  std::array<std::uint8_t, kMaxDatagramBytes + 64> apart;
+  const bool fits = steps.empty() && out.size() >= kMaxDatagramBytes;
   std::uint8_t* const begin = fits ? out.data() : apart.data();
   FlatWriter writer{begin + kHeaderBytes};
   visit_fields(message, writer);
