@@ -230,6 +230,7 @@ enum FaultBits : std::uint32_t {
   /// in. Nothing of the motion is lost.
   kFaultShare = 1u << 7,
   kFaultUndo = 1u << 8,  ///< behind kFeatureUndo: the last stroke of marks was not taken back, as asked
+  kFaultUndoAnothers = 1u << 9,  ///< with that: since another session made it
 };
 
 /// What the slave's port says to the method at the station. Behind kFeaturePortControl; all zero: nothing.

@@ -173,6 +173,8 @@ const char* undo_text(UndoText answer) noexcept {
       return "The last marks are undone: the sample is as it was before";
     case UndoText::kRefused:
       return "Marks not undone: none are left, or the tip is too near the ground";
+    case UndoText::kAnothers:
+      return "Marks not undone: another operator has made the last ones";
     case UndoText::kNoAnswer:
       return "Marks not undone: the server has not answered";
   }
@@ -180,7 +182,7 @@ const char* undo_text(UndoText answer) noexcept {
 }
 
 std::vector<Message> slave_text(std::uint32_t faults) {
-  constexpr std::array<Fault, 9> kFaults = {{
+  constexpr std::array<Fault, 10> kFaults = {{
       {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
       {link::kFaultRetracted, "The tip has been retracted"},
       {link::kFaultApproaching, "The tip is on its way to the sample: no force until it is there"},
@@ -189,6 +191,7 @@ std::vector<Message> slave_text(std::uint32_t faults) {
       {link::kFaultStepLimit, "Too fast for the slave: the tip follows late"},
       {link::kFaultShare, "More than this session's share of the server: the tip follows late"},
       {link::kFaultUndo, "The last marks were not undone"},
+      {link::kFaultUndoAnothers, "The last marks are another operator's"},
       {link::kFaultNoEquilibrium, "The slave's solver gave up in this step: tip held"},
   }};
   std::vector<Message> messages;

@@ -46,7 +46,7 @@ struct ShownContact {
   bool area_known = false;
 };
 
-enum class UndoText : std::uint8_t { kNone, kAsked, kDone, kRefused, kNoAnswer };
+enum class UndoText : std::uint8_t { kNone, kAsked, kDone, kRefused, kNoAnswer, kAnothers };
 struct UndoShown {
   UndoText text = UndoText::kNone;
   std::uint32_t count = 0;  ///< another number: something new

@@ -92,6 +92,8 @@ std::string ControlPanel::ask_undo(const recording::Sample& now) {
   if (!facts_.can_undo)
     return "No marks to undo: this sample keeps none, or its server cannot take them back";
   if ((now.limit_flags & recording::kLimitObserves) != 0) return "Only who moves the tip can undo its marks";
+  if ((now.fault_bits & link::kFaultRetracted) != 0)
+    return "Marks not undone: the tip is withdrawn, continue first";
   const auto contact = static_cast<link::ContactState>(now.contact_state);
   if (contact == link::ContactState::kContact || contact == link::ContactState::kNonContact)
     return "Marks not undone: lift the tip off the sample first";

@@ -175,7 +175,8 @@ class Server {
   /// and knows what each datagram had executed.
   void set_steps_at_once(std::size_t most) noexcept { config_.steps_at_once = most; }
   /// Likewise (server_replay.cpp): steps of this session that have come, however many, without a datagram;
-  void bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns) noexcept;
+  void bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns,
+                   std::uint32_t hold = 0) noexcept;
   /// up to `most` of them are made now;
   void make_steps(std::uint64_t session_id, std::size_t most, std::int64_t now_ns) noexcept;
   /// the slave is in this state (slave::Slave::save), after the steps of `log`, of which `last` is the last

@@ -48,7 +48,7 @@ struct SessionRecord {
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session
   link::PortControl last_control;  ///< of the newest command: that of steps which come to their turn later
   bool undo_asked = false;         ///< by the newest command: link::kFlagUndo,
-  bool undo_refused = false;       ///< and nothing was taken back
+  std::uint32_t undo_faults = 0;   ///< and these say that nothing was taken back
   bool operates = true;            ///< the right of the newest command
   WorkBudget work;
   std::size_t party = 0;                    ///< place of its party's budget, if that is still there

@@ -286,6 +286,10 @@ void RealTimeSession::follow_undo(const recording::Sample& sample) noexcept {
       text = UndoText::kRefused;
       event = "marks not taken back: refused";
       break;
+    case loop::UndoAnswer::kAnothers:
+      text = UndoText::kAnothers;
+      event = "marks not taken back: another session has made the last ones";
+      break;
     case loop::UndoAnswer::kNoAnswer:
       text = UndoText::kNoAnswer;
       event = "marks not taken back: no answer";

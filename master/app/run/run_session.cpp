@@ -62,8 +62,6 @@ constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
 // Steps that are kept until the server has made them; twice what is felt without its word.
 constexpr double kTwinRingS = 4;
-// Of the state of a shared tip that another holds: how soon its marks are seen.
-constexpr double kLookAgainS = 0.5;
 // Of a slave's state, as much as a server gives (server::ServerConfig::snapshot_bytes_most).
 constexpr std::size_t kSnapshotBytesMost = std::size_t{16} << 20;
 // For a twin nothing can begin without the scene: 4 MB at the server's 464 kB/s, and reading it.
@@ -271,7 +269,7 @@ station::TwinRunConfig twin_config(double rate_hz) {
   station::TwinRunConfig twin;
   twin.rate_hz = rate_hz;
   twin.ring_s = kTwinRingS;
-  twin.look_s = kLookAgainS;
+  twin.look_s = station::kLookAgain_s;
   return twin;
 }
 

@@ -182,6 +182,21 @@ link::StepReport report_of(const recording::DatagramRow& row) {
   return {row.executed, row.state_hash, row.newest, row.breaks, row.break_reason, row.break_step};
 }
 
+bool shares_tip(const RecordedSession& recorded) {
+  return (recorded.features & link::kFeatureSharing) != 0;
+}
+
+bool observes(const Sample& row) {
+  return (row.limit_flags & recording::kLimitObserves) != 0;
+}
+
+/// In that tick the shared tip was another session's, or nobody's.
+bool observes_at(const RecordedSession& recorded, std::int64_t tick) {
+  const std::int64_t at = tick - recorded.samples.front().tick;
+  const bool known = shares_tip(recorded) && at >= 0 && at < std::ssize(recorded.samples);
+  return known && observes(recorded.samples[static_cast<std::size_t>(at)]);
+}
+
 /// From one Welcome to the next: commands, replies and what they say of the log are numbered anew.
 struct Session {
   Script script;
@@ -209,7 +224,7 @@ Session session_of(const RecordedSession& recorded, std::span<const recording::D
   if ((recorded.features & link::kFeatureStepLog) == 0) return session;
   for (const auto& row : own) {
     if (!is_accepted(row, link::MessageType::kReply)) continue;
-    session.script.told[row.answers] = {report_of(row), false};
+    session.script.told[row.answers] = {report_of(row), false, observes_at(recorded, row.tick)};
   }
   // Found apart, and not for a break: what the server says is not what its own steps make of the sample.
   std::uint32_t breaks = own.empty() ? 0 : own.front().breaks;
@@ -260,6 +275,11 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
     return "more than 64 commands were lost in part: the order of the slave's steps is not known";
   if (!tells_of_log && !recorded.apart_at.empty() && row.tick >= *recorded.apart_at.begin())
     return "the twin was apart from the server's slave, whose state it then took up: that is not recorded";
+  if (shares_tip(recorded) && observes(row)) {
+    if (k == 0) return "another session held the shared tip when this one began: that is not recorded";
+    const bool twin = row.method == static_cast<std::uint32_t>(control::Method::kTwin);
+    if (!tells_of_log || !twin) return "another session held the shared tip: what it did is not recorded";
+  }
   for (const auto& datagram : rows) {
     if (datagram.drop != 0) continue;
     if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome) && !tells_of_log)
@@ -292,6 +312,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   server_config.feature_bits = recorded.features;
   const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
   if (logs_steps) server_config.table.timeout_ns = recorded.slave_timeout_ns;
+  if (shares_tip(recorded)) server_config.share = server::Share::kOneTip;
   server::ServedScene served;
   served.name = server::scene_name(scene->name);
   served.hash = scene->hash;
@@ -332,6 +353,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
     station::TwinRunConfig twin;
     twin.rate_hz = recorded.station.rate_hz;
     twin.ring_s = recorded.twin_ring_s;
+    twin.look_s = station::kLookAgain_s;
     station.use_twin(std::make_unique<station::TwinRun>(twin, std::make_unique<twin::SceneTwin>(scene),
                                                         std::make_unique<twin::SceneTwin>(scene)));
   }
@@ -407,6 +429,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
       link::LoggedStep step =
           link::logged_step(loop.trace().tip_target_pos_w_nm, step_flags(recorded, row, sample), row.dt_s);
       step.dt_ns = loop.step().dt_ns;
+      step.hold = loop.step().hold;
       wire.end_tick(client.next_step() - 1, step);
     }
     if (wire.other_steps_at() != 0) {

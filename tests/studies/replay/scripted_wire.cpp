@@ -31,13 +31,16 @@ std::vector<std::uint8_t> encoded(link::Codec& codec, const Message& message) {
 /// The server has the steps up to `last`, or as many of them as are made.
 void ScriptedWire::bring_up_to(std::uint64_t last, std::uint64_t session_id, std::int64_t now_ns) noexcept {
   link::StepBatch batch;
+  std::uint32_t hold = 0;  // of a batch
   const auto bring = [&] {
-    server_->bring_steps(session_id, batch, now_ns);
+    server_->bring_steps(session_id, batch, now_ns, hold);
     batch.count = 0;
   };
   for (; brought_ < last; ++brought_) {
     const auto found = made_.find(brought_ + 1);
     if (found == made_.end()) break;
+    if (batch.count > 0 && found->second.hold != hold) bring();
+    hold = found->second.hold;
     if (batch.count == 0) batch.first = brought_ + 1;
     batch.step[batch.count++] = found->second;
     if (batch.count == link::kMaxBatch) bring();
@@ -107,8 +110,8 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
     if (!script_.told.empty()) {
       const auto next = script_.told.lower_bound(number);
       if (next != script_.told.end() && next->first == number) told = &next->second;
-      if (told != nullptr && (told->report.breaks != breaks_ || told->parts)) part(told->report);
-      if (apart_ && told != nullptr && !told->parts) take_up_state(session_id_, told->report);
+      if (told != nullptr && (told->report.breaks != breaks_ || told->parts || told->observes)) part(told->report);
+      if (apart_ && told != nullptr && !told->parts && !told->observes) take_up_state(session_id_, told->report);
       const std::uint64_t most = apart_ ? last_executed_ : executed_by(number);
       bring_up_to(most, session_id_, now_ns);
       server_->set_steps_at_once(static_cast<std::size_t>(most - last_executed_));
@@ -191,6 +194,9 @@ std::vector<std::uint8_t> ScriptedWire::as_told(const std::vector<std::uint8_t>&
   says.energy_in_aj = recorded_->slave_energy_in_aj;
   says.energy_out_aj = recorded_->slave_energy_out_aj;
   says.model.version = recorded_->model_version;
+  if (told->second.observes) says.tip.hold = 0;
+  // Where the tip stood when it went to another hand: the station's target of that tick.
+  if (!says.tip.empty() || told->second.observes) says.tip.pos_w_nm = vec3(recorded_->tip_target_w_nm);
   return encoded(codec_, says);
 }
 

@@ -34,6 +34,8 @@ struct ToldLog {
   link::StepReport report;
   /// It is known that twin and server parted over this reply, and not for a break that was declared.
   bool parts = false;
+  /// Another session held the shared tip, or nobody.
+  bool observes = false;
 };
 
 /// Of one session.
@@ -49,6 +51,10 @@ struct Script {
 /// nobody knows, or withdrawn the tip by its own clock: from there on the replayed slave is not the recorded
 /// one. The replies then say what the recording says, until the server's state that the station took up: the
 /// replayed slave takes it up too, and all is computed anew from there.
+///
+/// *A shared tip.* The replayed server has one session, which holds the tip throughout. While another one held the
+/// recorded tip the replies say so, and what the recording says of the rest; that holding's marks, and those that
+/// were taken back, are in the state that the twin took up when it had the tip again.
 class ScriptedWire final : public net::Datagram {
  public:
   ScriptedWire(server::Server& server, RecordedClock& clock, Script script)
