@@ -157,7 +157,11 @@ const char* scene_text(SceneText answer) noexcept {
     case SceneText::kAsked:
       return "Going to another sample: the server is asked for it";
     case SceneText::kRefused:
-      return "The server has no place at that sample now: the session goes on at this one";
+      return "The server does not have that sample, or no place at it now: the session goes on at this one";
+    case SceneText::kRate:
+      return "The server takes fewer commands a second at that sample: the session goes on at this one";
+    case SceneText::kShuttingDown:
+      return "The server is shutting down: the session goes on at this sample until it does";
     case SceneText::kNoAnswer:
       return "The server does not answer the wish for another sample: the session goes on at this one";
   }

@@ -235,7 +235,10 @@ void RealTimeSession::follow_scene(const recording::Sample& sample) noexcept {
     return event_of_scene(sample, "the session goes on at another sample");
   const char* why = nullptr;
   if (scene_asked_ && session_.scene_switching() == link::SceneSwitching::kRefused) {
-    show_scene(view_model::SceneText::kRefused);
+    const link::RefuseReason reason = session_.refuse().reason;
+    show_scene(reason == link::RefuseReason::kRate           ? view_model::SceneText::kRate
+               : reason == link::RefuseReason::kShuttingDown ? view_model::SceneText::kShuttingDown
+                                                             : view_model::SceneText::kRefused);
     why = "another sample refused";
   } else if (sample.time_s - scene_wanted_s_ > kSceneS) {
     show_scene(view_model::SceneText::kNoAnswer);

@@ -275,9 +275,7 @@ std::string SessionView::run(const RealTimeSession& live, bool give_way, const C
     return frames;
   } catch (...) {
     // Without its picture a session would go on unseen, and with a mouse for ever.
-    view_model::ViewRequest quit;
-    quit.kind = view_model::ViewRequest::Kind::kQuit;
-    port_.requests.push(quit);
+    port_.quit.store(true);
     throw;
   }
 }
