@@ -25,7 +25,8 @@ class ControlPanel {
 
   /// Its facts have become those of a session.
   void begin() noexcept {
-    if (!facts_.practice || !practice_) practice_ = facts_.practice;  // else the link is as a person has made it
+    if (!facts_.practice || !practice_)
+      practice_ = facts_.practice;  // else the link is as a person has made it
   }
 
   /// A recording is shown: there is nobody to ask.

@@ -257,8 +257,8 @@ std::uint32_t Server::undo(std::size_t slot, const link::Command& command) noexc
   const bool may = standing_.rights >= net::Rights::kOperate && is_anchored(slot, command.tip_hold) &&
                    (last.fault_bits & link::kFaultRetracted) == 0;
   const bool own = shared() && standing_.rights < net::Rights::kAdminister;
-  const auto result = may ? tip.slave->undo_marks(own ? record.opening : 0, tip.output)
-                          : slave::UndoResult::kTouches;
+  const auto result =
+      may ? tip.slave->undo_marks(own ? record.opening : 0, tip.output) : slave::UndoResult::kTouches;
   if (result != slave::UndoResult::kDone) {
     record.undo_faults = link::kFaultUndo;
     if (result == slave::UndoResult::kAnothers) record.undo_faults |= link::kFaultUndoAnothers;

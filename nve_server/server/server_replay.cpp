@@ -11,8 +11,8 @@ std::size_t Server::logging_slot(std::uint64_t session_id) noexcept {
   return logs ? slot : link::SessionTable::kNone;
 }
 
-void Server::bring_steps(std::uint64_t session_id, const link::StepBatch& steps,
-                         std::int64_t now_ns, std::uint32_t hold) noexcept {
+void Server::bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns,
+                         std::uint32_t hold) noexcept {
   const std::size_t slot = logging_slot(session_id);
   if (slot != link::SessionTable::kNone) records_[slot].steps.take(steps, now_ns, hold);
 }

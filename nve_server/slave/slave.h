@@ -34,8 +34,8 @@ struct SlaveInput {
 /// What became of the wish to take back the last stroke of marks.
 enum class UndoResult : std::uint8_t {
   kDone,
-  kTouches,  ///< the tip touches, or would: lift it first
-  kNothing,  ///< there is no stroke to take back, or it is too long ago, or too large
+  kTouches,   ///< the tip touches, or would: lift it first
+  kNothing,   ///< there is no stroke to take back, or it is too long ago, or too large
   kAnothers,  ///< the last stroke is not of who asks
 };
 

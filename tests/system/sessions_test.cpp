@@ -134,9 +134,10 @@ TEST_F(SessionsTest, MarksAreTakenBackAtASharedTipByWhoMadeThem) {
       write("groove.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1,0,0,-8\n2,15,0,-8\n2.5,15,0,30\n6,15,0,30\n");
   for (const char* method : {"twin", "ks-clamp"}) {
     Server server(scene_path("lithography"), 0, {"--share", "one-tip", "--local-rights", "administer"});
-    const std::string made = path(std::string(method) + "_made.h5"), seen = path(std::string(method) + "_seen.h5");
-    ChildProcess first(talking(server, {"--task", "script", "--script", script, "--method", method, "--record", made,
-                                        "--undo-marks-at", "4"}));
+    const std::string made = path(std::string(method) + "_made.h5"),
+                      seen = path(std::string(method) + "_seen.h5");
+    ChildProcess first(talking(server, {"--task", "script", "--script", script, "--method", method,
+                                        "--record", made, "--undo-marks-at", "4"}));
     ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
     ChildProcess second(talking(server, {"--observe", "--duration-s", "5", "--record", seen}));
     ASSERT_TRUE(second.wait(kLong)) << second.err();
@@ -145,14 +146,16 @@ TEST_F(SessionsTest, MarksAreTakenBackAtASharedTipByWhoMadeThem) {
     EXPECT_EQ(first.exit_code(), 0) << first.err();
     EXPECT_TRUE(says(first.out(), "last stroke of marks taken back")) << first.out() << first.err();
     for (const std::string& file : {made, seen}) {
-      if (file == made && std::string(method) != "twin") continue;  // who has no twin has no picture of the sample
+      if (file == made && std::string(method) != "twin")
+        continue;  // who has no twin has no picture of the sample
       double deepest = 0;
       for (const recording::MarkRow& row : RecordingReader(file).marks())
         if (row.column != recording::MarkRow::kPlace) deepest = std::min(deepest, 1.0 * row.value);
       EXPECT_LT(deepest, -1) << "nm: it was there, in " << file;
       const auto nodes = marked_nodes(file);
       EXPECT_GT(nodes.size(), 20u) << file;
-      for (const auto& [node, height] : nodes) ASSERT_NEAR(height, 0, 1e-6) << "nm: and is not any more, in " << file;
+      for (const auto& [node, height] : nodes)
+        ASSERT_NEAR(height, 0, 1e-6) << "nm: and is not any more, in " << file;
     }
     const Replayed replay = replayed(made);
     EXPECT_TRUE(replay.whole) << replay.said;
@@ -170,11 +173,12 @@ TEST_F(SessionsTest, AnothersMarksStayAndTheReplayGoesOnOverAnothersHolding) {
   const std::string up = write("up.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n3,0,0,30\n");
   Server server(scene_path("lithography"), 0, {"--share", "one-tip"});
   const std::string made = path("made.h5");
-  ChildProcess first(talking(server, {"--task", "script", "--script", script, "--method", "twin", "--record", made,
-                                      "--duration-s", "12"}));
+  ChildProcess first(talking(server, {"--task", "script", "--script", script, "--method", "twin", "--record",
+                                      made, "--duration-s", "12"}));
   ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
   ::usleep(4'000'000);
-  ChildProcess second(talking(server, {"--task", "script", "--script", up, "--take-over", "--undo-marks-at", "2.5"}));
+  ChildProcess second(
+      talking(server, {"--task", "script", "--script", up, "--take-over", "--undo-marks-at", "2.5"}));
   ASSERT_TRUE(second.wait(kLong)) << second.err();
   ASSERT_TRUE(first.wait(kLong)) << first.err();
   std::printf("%s|%s|%s\n", first.err().c_str(), second.err().c_str(), second.out().c_str());

@@ -527,14 +527,17 @@ std::optional<int> run_at_scene(SessionParts& parts) {
   };
   {
     const link::Welcome first = opened_session->welcome();
-    view.wait_for({"The server's sample is made ready here, so that it can be felt without the link's delay. "
-                   "The first time this takes some seconds.",
-                   options.server, slave_limits(first), first.start_pos_w_nm,
-                   [&scene, shown = std::shared_ptr<const surface::HeightGrid>()]() mutable {
-                     return newest_scene_ground(scene, shown);
-                   },
-                   stop_as_by_signal},
-                  [&] { parts.starter.call(get_ready); });
+    view.wait_for(
+        {parts.looks_for_twin
+             ? "The server's sample is made ready here, so that it can be felt without the link's delay. "
+               "The first time this takes some seconds."
+             : "The server's sample is on its way, so that it can be drawn.",
+         options.server, slave_limits(first), first.start_pos_w_nm,
+         [&scene, shown = std::shared_ptr<const surface::HeightGrid>()]() mutable {
+           return newest_scene_ground(scene, shown);
+         },
+         stop_as_by_signal},
+        [&] { parts.starter.call(get_ready); });
   }
   // A person has closed the window: nothing was begun, and the session's Bye goes with `farewell`.
   if (stop && view.has_window()) {

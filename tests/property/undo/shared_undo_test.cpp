@@ -105,7 +105,7 @@ TEST_P(SharedUndo, EachTakesBackItsOwnStrokesAndNobodyAnothers) {
   const auto bare = s.heights();
   s.steps(2600);
   ASSERT_TRUE(s.holds(a));
-  ASSERT_EQ(s.contact(), ContactState::kFree);
+  ASSERT_LE(s.contact(), ContactState::kVanDerWaals) << "off the sample";
   const auto of_a = s.heights();
   ASSERT_NE(of_a, bare);
 
@@ -141,8 +141,10 @@ TEST_P(SharedUndo, EachTakesBackItsOwnStrokesAndNobodyAnothers) {
 TEST_P(SharedUndo, WhoTakesTheTipInContactMakesAStrokeOfItsOwn) {
   Shared s;
   const Script down{{0, {0, 0, s.z0()}}, {0.7, {0, 0, -10}}, {1.7, {10, 0, -10}}, {60, {10, 0, -10}}};
-  // From where it takes the tip up: its own hand's zero is there.
-  const Script on{{0, {10, 0, -10}}, {0.6, {10, 0, -10}}, {1.6, {20, 0, -10}}, {2.2, {20, 0, s.z0()}}, {60, {20, 0, s.z0()}}};
+  // From where it takes the tip up: ten along, fifty up.
+  const double z = s.z0();
+  const Script on{
+      {0, {0, 0, z}}, {0.6, {0, 0, z}}, {1.6, {10, 0, z}}, {2.6, {10, 0, z + 50}}, {60, {10, 0, z + 50}}};
   const std::size_t a = s.join(Rights::kOperate, GetParam(), down);
   s.steps(2600);
   ASSERT_EQ(s.contact(), ContactState::kContact);
@@ -151,7 +153,7 @@ TEST_P(SharedUndo, WhoTakesTheTipInContactMakesAStrokeOfItsOwn) {
   const auto of_a = s.heights();
   s.hand_over(a, b);
   s.steps(3500);
-  ASSERT_EQ(s.contact(), ContactState::kFree);
+  ASSERT_LE(s.contact(), ContactState::kVanDerWaals) << "off the sample";
   ASSERT_NE(s.heights(), of_a);
   EXPECT_EQ(s.undo(b), UndoAnswer::kDone);
   const auto after = s.heights();

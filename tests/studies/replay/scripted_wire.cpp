@@ -110,8 +110,10 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
     if (!script_.told.empty()) {
       const auto next = script_.told.lower_bound(number);
       if (next != script_.told.end() && next->first == number) told = &next->second;
-      if (told != nullptr && (told->report.breaks != breaks_ || told->parts || told->observes)) part(told->report);
-      if (apart_ && told != nullptr && !told->parts && !told->observes) take_up_state(session_id_, told->report);
+      if (told != nullptr && (told->report.breaks != breaks_ || told->parts || told->observes))
+        part(told->report);
+      if (apart_ && told != nullptr && !told->parts && !told->observes)
+        take_up_state(session_id_, told->report);
       const std::uint64_t most = apart_ ? last_executed_ : executed_by(number);
       bring_up_to(most, session_id_, now_ns);
       server_->set_steps_at_once(static_cast<std::size_t>(most - last_executed_));
