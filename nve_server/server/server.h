@@ -177,12 +177,17 @@ class Server {
   /// Likewise (server_replay.cpp): steps of this session that have come, however many, without a datagram;
   void bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns,
                    std::uint32_t hold = 0) noexcept;
+  /// the shared tip is this session's, if nobody has it;
+  void hold_tip(std::uint64_t session_id, std::int64_t now_ns) noexcept;
   /// up to `most` of them are made now;
   void make_steps(std::uint64_t session_id, std::size_t most, std::int64_t now_ns) noexcept;
   /// the slave is in this state (slave::Slave::save), after the steps of `log`, of which `last` is the last
-  /// one (null: not known). False: it is no such state; then the slave is as a new one.
+  /// one (null: not known), `others`: of a shared tip that another session has moved last. False: it is no such
+  /// state; then the slave is as a new one;
   bool take_up(std::uint64_t session_id, std::span<const std::uint8_t> state, const link::StepReport& log,
-               const link::LoggedStep* last) noexcept;
+               const link::LoggedStep* last, bool others = false) noexcept;
+  /// this session's part of a shared tip's account, which no state holds.
+  void set_account(std::uint64_t session_id, double in_aj, double out_aj) noexcept;
 
   /// So many commands were answered in so much processor time of the loop.
   void note_load(std::int64_t taken_ns, std::uint64_t exchanges) noexcept { load_.note(taken_ns, exchanges); }

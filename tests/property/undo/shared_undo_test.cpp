@@ -117,7 +117,7 @@ TEST_P(SharedUndo, EachTakesBackItsOwnStrokesAndNobodyAnothers) {
   // Before its hand has gone down: all that is there is another's.
   EXPECT_EQ(s.undo(b), UndoAnswer::kAnothers);
   EXPECT_EQ(s.heights(), of_a);
-  s.steps(2600);
+  s.steps(4000);  // first across from where it has taken the tip, then the groove
   const auto of_both = s.heights();
   ASSERT_NE(of_both, of_a) << "the second groove";
   EXPECT_EQ(s.undo(a), UndoAnswer::kRefused) << "who handed over observes";
@@ -144,7 +144,7 @@ TEST_P(SharedUndo, WhoTakesTheTipInContactMakesAStrokeOfItsOwn) {
   // From where it takes the tip up: ten along, fifty up.
   const double z = s.z0();
   const Script on{
-      {0, {0, 0, z}}, {0.6, {0, 0, z}}, {1.6, {10, 0, z}}, {2.6, {10, 0, z + 50}}, {60, {10, 0, z + 50}}};
+      {0, {0, 0, z}}, {0.6, {0, 0, z}}, {1.6, {10, 0, z}}, {2.6, {10, 0, z + 25}}, {60, {10, 0, z + 25}}};
   const std::size_t a = s.join(Rights::kOperate, GetParam(), down);
   s.steps(2600);
   ASSERT_EQ(s.contact(), ContactState::kContact);

@@ -114,6 +114,10 @@ bool compare(const Sample& recorded, const Sample& replayed, const std::vector<c
   return true;
 }
 
+bool shares_tip(const RecordedSession& recorded) {
+  return (recorded.features & link::kFeatureSharing) != 0;
+}
+
 /// The session up to the recording's first tick: the handshake, and the idle commands by which the station
 /// had measured its link.
 void prime(const RecordedSession& recorded, std::span<const recording::DatagramRow> rows,
@@ -148,6 +152,7 @@ void prime(const RecordedSession& recorded, std::span<const recording::DatagramR
     clock.set(first.now_ns - (probes - k + 1) * period_ns);
     link::Command command;
     command.tip_pos_w_nm = client.welcome().start_pos_w_nm;
+    if (shares_tip(recorded)) command.flags = link::kFlagHandOver;  // who gets ready takes no shared tip
     const std::size_t n = client.make_command(command, clock.now_ns(), buffer);
     wire.send(std::span(buffer).first(n), wire.address());
     if (logs_steps) wire.end_tick(0, {});
@@ -182,19 +187,15 @@ link::StepReport report_of(const recording::DatagramRow& row) {
   return {row.executed, row.state_hash, row.newest, row.breaks, row.break_reason, row.break_step};
 }
 
-bool shares_tip(const RecordedSession& recorded) {
-  return (recorded.features & link::kFeatureSharing) != 0;
-}
-
 bool observes(const Sample& row) {
   return (row.limit_flags & recording::kLimitObserves) != 0;
 }
 
-/// In that tick the shared tip was another session's, or nobody's.
-bool observes_at(const RecordedSession& recorded, std::int64_t tick) {
+/// Null: the recording has no such tick.
+const Sample* sample_at(const RecordedSession& recorded, std::int64_t tick) {
   const std::int64_t at = tick - recorded.samples.front().tick;
-  const bool known = shares_tip(recorded) && at >= 0 && at < std::ssize(recorded.samples);
-  return known && observes(recorded.samples[static_cast<std::size_t>(at)]);
+  const bool known = at >= 0 && at < std::ssize(recorded.samples);
+  return known ? &recorded.samples[static_cast<std::size_t>(at)] : nullptr;
 }
 
 /// From one Welcome to the next: commands, replies and what they say of the log are numbered anew.
@@ -221,10 +222,18 @@ Session session_of(const RecordedSession& recorded, std::span<const recording::D
   session.unknown_from = order.unknown_from;
   session.stepped = order.commands;
   session.script.order = std::move(order);
+  session.script.shares_tip = shares_tip(recorded);
   if ((recorded.features & link::kFeatureStepLog) == 0) return session;
   for (const auto& row : own) {
     if (!is_accepted(row, link::MessageType::kReply)) continue;
-    session.script.told[row.answers] = {report_of(row), false, observes_at(recorded, row.tick)};
+    ToldLog told{report_of(row)};
+    if (const Sample* const then = sample_at(recorded, row.tick);
+        then != nullptr && session.script.shares_tip) {
+      told.observes = observes(*then);
+      told.energy_in_aj = then->slave_energy_in_aj;
+      told.energy_out_aj = then->slave_energy_out_aj;
+    }
+    session.script.told[row.answers] = told;
   }
   // Found apart, and not for a break: what the server says is not what its own steps make of the sample.
   std::uint32_t breaks = own.empty() ? 0 : own.front().breaks;

@@ -36,12 +36,15 @@ struct ToldLog {
   bool parts = false;
   /// Another session held the shared tip, or nobody.
   bool observes = false;
+  double energy_in_aj = 0;  ///< that this session had put into the port by then, and got back
+  double energy_out_aj = 0;
 };
 
 /// Of one session.
 struct Script {
   StepOrder order{};
   std::map<std::uint64_t, ToldLog> told{};  ///< by the command answered; of the replies that came
+  bool shares_tip = false;
 };
 
 /// The network as it was: a command reaches the server if the slave had stepped by it, and its reply comes
@@ -131,6 +134,7 @@ class ScriptedWire final : public net::Datagram {
   std::uint64_t last_executed_ = 0;
   std::uint32_t breaks_ = 0;  ///< declared by then, as recorded
   bool apart_ = false;
+  bool others_ = false;           ///< another session has moved the shared tip since
   std::int64_t apart_since_ = 0;  ///< tick
   bool told_in_tick_ = false;
   std::uint64_t session_id_ = 0;

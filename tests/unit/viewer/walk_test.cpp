@@ -1,5 +1,10 @@
 // A person who means ill or is tired: every key in every state, the mouse everywhere, windows of any size, all at once.
 // Nothing may crash or leave a fault of OpenGL's behind, and nothing may be asked of the loop that the state forbids.
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "telenano/common/base/random.h"
 #include "telenano/master/view_model/playback.h"
 #include "tests/unit/viewer/render_fixture.h"
@@ -27,11 +32,14 @@ class Walk : public Render {
     viewer_->take_samples();
   }
   void draw_at(int wide, int high) {
-    const Canvas canvas(wide, high, 0);
-    canvas.bind();
+    auto& canvas = canvases_[{wide, high}];
+    if (!canvas) canvas.emplace(wide, high, 0);
+    canvas->bind();
     ImGui::GetIO().DeltaTime = 1.0f / 60;
     viewer_->draw(wide, high, time_s_ += 1.0 / 60, {});
   }
+  std::map<std::pair<int, int>, std::optional<Canvas>> canvases_;
+
   /// What was asked since the last call, one letter each; what is out of range is told at once.
   std::string requests() {
     std::string asked_for;
@@ -141,7 +149,7 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
     facts_ = support::view_facts();
     begin();
     state.enter();
-    draw_at(320, 240);
+    draw_at(160, 120);
     requests();
     stop_asked();
     ImGuiIO& io = ImGui::GetIO();
@@ -154,7 +162,7 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
         io.KeyCtrl = mods == 1;
         io.KeyShift = mods == 2;
         if (mods != 1 && key < 127) io.AddInputCharacter(static_cast<unsigned>(key));
-        draw_at(320, 240);
+        draw_at(160, 120);
         io.KeysDown[key] = false;
         const std::string now = requests();
         seen += now;
@@ -167,7 +175,10 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
         if (key != GLFW_KEY_ESCAPE || state.never == all) {
           EXPECT_EQ(stop, key == GLFW_KEY_ESCAPE && std::string(state.name).starts_with("waiting")) << key;
         }
-        EXPECT_EQ(port_.quit.exchange(false), mods == 1 && key == GLFW_KEY_Q && state.never != all) << key;
+        EXPECT_EQ(port_.quit.exchange(false),
+                  mods == 1 && key == GLFW_KEY_Q &&
+                      (state.never != all || std::string(state.name).starts_with("waiting")))
+            << key;
         if (state.never == all) {
           EXPECT_FALSE(viewer_->take_record_wanted()) << "of what is over, or not there yet";
         }
@@ -177,7 +188,7 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
       }
     }
     io.KeyCtrl = io.KeyShift = false;
-    draw_at(320, 240);
+    draw_at(160, 120);
     EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
     if (state.never.empty()) {
       EXPECT_NE(seen.find('c'), std::string::npos) << "a method can be chosen: " << seen;
@@ -257,7 +268,7 @@ TEST_F(Walk, AWindowOfOnePointAndBackIsAsBefore) {
 // Keys, buttons, wheel, sizes, samples of any kind and the turns of a session, all by chance.
 TEST_F(Walk, AMonkeyAtTheWindowDoesNoHarm) {
   const double bad = std::numeric_limits<double>::quiet_NaN();
-  constexpr int kFrames = 2500;
+  constexpr int kFrames = 1200;
   for (const std::uint64_t seed : {1, 2, 3}) {
     SCOPED_TRACE(seed);
     facts_ = support::view_facts();
@@ -294,7 +305,7 @@ TEST_F(Walk, AMonkeyAtTheWindowDoesNoHarm) {
       recording::Sample s = support::view_sample(tick += static_cast<std::int64_t>(random.below(30)));
       s.station_mode = static_cast<std::uint32_t>(random.below(9));
       s.contact_state = static_cast<std::uint32_t>(random.below(5));
-      s.limit_flags = random.chance(0.2) ? recording::kLimitObserves : 0;
+      s.limit_flags = random.chance(0.2) ? std::uint32_t{recording::kLimitObserves} : 0u;
       if (random.chance(0.2)) s.station_faults = static_cast<std::uint32_t>(random.below(1u << 16));
       if (random.chance(0.2)) s.fault_bits = static_cast<std::uint32_t>(random.below(1u << 12));
       if (random.chance(0.1)) s.reply_age_ms = random.uniform(0, 1e5);
