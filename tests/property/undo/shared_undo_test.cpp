@@ -141,10 +141,12 @@ TEST_P(SharedUndo, EachTakesBackItsOwnStrokesAndNobodyAnothers) {
 TEST_P(SharedUndo, WhoTakesTheTipInContactMakesAStrokeOfItsOwn) {
   Shared s;
   const Script down{{0, {0, 0, s.z0()}}, {0.7, {0, 0, -10}}, {1.7, {10, 0, -10}}, {60, {10, 0, -10}}};
-  // From where it takes the tip up: ten along, fifty up.
-  const double z = s.z0();
-  const Script on{
-      {0, {0, 0, z}}, {0.6, {0, 0, z}}, {1.6, {10, 0, z}}, {2.6, {10, 0, z + 25}}, {60, {10, 0, z + 25}}};
+  // From where it takes the tip up: deeper, along, up.
+  const Script on{{0, {0, 0, -10}},
+                  {0.6, {0, 0, -15}},
+                  {1.6, {10, 0, -15}},
+                  {2.6, {10, 0, s.z0()}},
+                  {60, {10, 0, s.z0()}}};
   const std::size_t a = s.join(Rights::kOperate, GetParam(), down);
   s.steps(2600);
   ASSERT_EQ(s.contact(), ContactState::kContact);
@@ -152,7 +154,7 @@ TEST_P(SharedUndo, WhoTakesTheTipInContactMakesAStrokeOfItsOwn) {
   s.steps(200);
   const auto of_a = s.heights();
   s.hand_over(a, b);
-  s.steps(3500);
+  s.steps(6000);
   ASSERT_LE(s.contact(), ContactState::kVanDerWaals) << "off the sample";
   ASSERT_NE(s.heights(), of_a);
   EXPECT_EQ(s.undo(b), UndoAnswer::kDone);

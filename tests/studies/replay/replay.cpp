@@ -118,6 +118,23 @@ bool shares_tip(const RecordedSession& recorded) {
   return (recorded.features & link::kFeatureSharing) != 0;
 }
 
+/// A Welcome to a shared tip, which stood wherever others had left it: by its first row the recording says where. Empty: it
+/// is none.
+std::vector<std::uint8_t> welcome_as_then(const RecordedSession& recorded,
+                                          std::span<const std::uint8_t> bytes) {
+  link::Codec codec;
+  link::Incoming incoming;
+  if (!shares_tip(recorded) || codec.decode(bytes, incoming) != link::DropCause::kNone ||
+      incoming.type != link::MessageType::kWelcome)
+    return {};
+  const auto& target = recorded.samples.front().tip_target_w_nm;
+  link::Welcome welcome = incoming.welcome;
+  welcome.start_pos_w_nm = Vec3(target[0], target[1], target[2]);
+  std::vector<std::uint8_t> as_then(link::kMaxDatagramBytes);
+  as_then.resize(codec.encode(welcome, as_then));
+  return as_then;
+}
+
 /// The session up to the recording's first tick: the handshake, and the idle commands by which the station
 /// had measured its link.
 void prime(const RecordedSession& recorded, std::span<const recording::DatagramRow> rows,
@@ -132,8 +149,11 @@ void prime(const RecordedSession& recorded, std::span<const recording::DatagramR
     if (const std::size_t n = client.poll(clock.now_ns(), buffer))
       wire.send(std::span(buffer).first(n), wire.address());
     net::Received received;
-    while (wire.receive(buffer, received))
-      client.on_datagram(std::span(buffer).first(received.size), clock.now_ns());
+    while (wire.receive(buffer, received)) {
+      auto bytes = std::span(buffer).first(received.size);
+      const std::vector<std::uint8_t> as_then = welcome_as_then(recorded, bytes);
+      client.on_datagram(as_then.empty() ? bytes : std::span<const std::uint8_t>(as_then), clock.now_ns());
+    }
     clock.set(clock.now_ns() + 1);
   }
   if (client.state() != link::ClientState::kEstablished)
@@ -285,7 +305,6 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
   if (!tells_of_log && !recorded.apart_at.empty() && row.tick >= *recorded.apart_at.begin())
     return "the twin was apart from the server's slave, whose state it then took up: that is not recorded";
   if (shares_tip(recorded) && observes(row)) {
-    if (k == 0) return "another session held the shared tip when this one began: that is not recorded";
     const bool twin = row.method == static_cast<std::uint32_t>(control::Method::kTwin);
     if (!tells_of_log || !twin) return "another session held the shared tip: what it did is not recorded";
   }
