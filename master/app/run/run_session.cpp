@@ -444,6 +444,7 @@ struct SessionParts {
   std::string scene_before{};  ///< name of the one that was left; empty: this is the first
   std::optional<station::Station> station{};
   EarlyThread starter{};
+  std::optional<KeepAwake> awake{};  ///< between the loops of two scenes
 };
 
 /// The session once more, with the same slave and another wish about the log of steps.
@@ -694,9 +695,16 @@ std::optional<int> run_at_scene(SessionParts& parts) {
   {
     std::optional<rt::RealtimeThread> started;
     parts.starter.call([&] {
-      started.emplace(realtime, [&live, &awake](const std::stop_token&) {
+      started.emplace(realtime, [&](const std::stop_token& end) {
         awake.reset();
         live.run();
+        if (live.ending() != Ending::kOtherScene) return;
+        // The session goes on: until another thread tends it, which may take a picture or two, this one does.
+        SessionTender tender(session, way.datagram(), server, scene.pipe());
+        while (!end.stop_requested()) {
+          tender.turn();
+          way.wait_readable(1'000'000);
+        }
       });
     });
     rt::RealtimeThread& thread = *started;
@@ -739,8 +747,12 @@ std::optional<int> run_at_scene(SessionParts& parts) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       look();
     }
+    thread.request_stop();
     thread.join();
   }
+  // A recording is closed meanwhile, and a summary told.
+  if (live.ending() == Ending::kOtherScene)
+    parts.starter.call([&] { parts.awake.emplace(session, way, server, scene.pipe()); });
   conclude();
   if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
   if (live.ending() == Ending::kOtherScene) {
@@ -758,6 +770,7 @@ std::optional<int> run_at_scene(SessionParts& parts) {
 /// Before the session begins at another scene: a file of the first one's is of no use, and a log of steps that was given
 /// up there may be of use here.
 void go_on(SessionParts& parts) {
+  parts.awake.reset();
   parts.last_run = parts.resumed = false;
   parts.twins.clear();
   parts.no_twin.clear();
