@@ -130,6 +130,12 @@ class ViewerSwitch : public ViewerPrograms {
     return std::make_unique<ChildProcess>(std::vector<std::string>{
         "/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")});
   }
+  ::testing::AssertionResult wait_for_mode(ChildProcess& user, double wanted) {
+    return wait_for(user, path("s.h5"), [wanted](const RecordingReader& reader) {
+      const auto mode = reader.read("station_mode");
+      return !mode.empty() && mode.back() == wanted;
+    });
+  }
   void touch(const std::string& name) { std::ofstream(path(name)) << "now"; }
   bool appears(const std::string& name, Seconds most = 2 * kLong) {
     const auto end = std::chrono::steady_clock::now() + most;
@@ -161,7 +167,7 @@ TEST_F(ViewerSwitch, ASampleThatIsRefusedLeavesTheSessionWhereItIs) {
   ASSERT_TRUE(server->child().wait(kLong));
   server = std::make_unique<Server>(scene_path("flakes"), port, scene_flags({"flat_pdms"}));
   EXPECT_TRUE(wait_for_event(*user, path("s.h5"), "session resumed in a new epoch")) << said();
-  EXPECT_TRUE(wait_for_contact(*user, path("s.h5"))) << said();
+  EXPECT_TRUE(wait_for_mode(*user, kEngaged)) << said();
   touch("choose");
   EXPECT_TRUE(wait_for_event(*user, path("s.h5"), "another sample refused")) << said();
   touch("go");
@@ -185,11 +191,7 @@ TEST_F(ViewerSwitch, AServerThatDoesNotAnswerTheWishIsNotWaitedForForEver) {
   touch("choose");
   EXPECT_TRUE(wait_for_event(*user, path("s.h5"), "another sample wanted: lets go")) << said();
   EXPECT_TRUE(wait_for_event(*user, path("s.h5"), "another sample: no answer")) << said();
-  const auto felt_again = wait_for(*user, path("s.h5"), [](const RecordingReader& reader) {
-    const auto mode = reader.read("station_mode");
-    return !mode.empty() && mode.back() == kEngaged;
-  });
-  EXPECT_TRUE(felt_again) << said();
+  EXPECT_TRUE(wait_for_mode(*user, kEngaged)) << said();
   touch("go");
   ASSERT_TRUE(user->wait(2 * kLong)) << said();
   EXPECT_EQ(user->out(), "lives\nended with 0\n") << said();
@@ -249,12 +251,13 @@ TEST_F(ViewerSwitch, ADeviceUnpluggedDuringTheSwitchIsAStopAndNoCrash) {
          "master=$!\n"
          "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'; touch pressed\n"
          "await '[ -e choose ]'\n"
-         "xdotool mousemove 1115 732 click 1; sleep 2\n"
-         "touch choosing; xdotool mousemove 1050 705 click 1; touch chosen\n"
+         "xdotool mousemove 1115 704 click 1; sleep 2\n"
+         "touch choosing; xdotool mousemove 1050 773 click 1; touch chosen\n"
          "await '[ -e go ]'\n"
          "kill -0 $master && echo lives\n"
          "press_until p '[ -s telenano-1.png ]'\n"
          "xdotool key ctrl+q; wait $master; echo ended with $?\n";
+  // A hand without tasks has a lower list, which opens downwards.
   ChildProcess user({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")});
   ASSERT_TRUE(appears("pressed")) << said();
   const auto give_force_back =
