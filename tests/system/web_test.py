@@ -325,9 +325,9 @@ class Web(unittest.TestCase):
             status, connection = s.live(cookie)
             self.assertEqual(status, 101)
             groove = pathlib.Path(folder) / "groove.csv"
-            groove.write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n2,40,0,-4\n2.5,40,0,10\n30,40,0,10\n")
+            groove.write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n2,40,0,-4\n2.5,40,0,10\n8,40,0,10\n")
             station = subprocess.Popen([MASTER, "run", "--server", s.udp, "--task", "script", "--script", str(groove), "--quiet",
-                                        "--rt-priority", "0", "--undo-marks-at", "5.5", "--duration-s", "8"],
+                                        "--rt-priority", "0", "--undo-marks-at", "5.5"],
                                        stdout=subprocess.PIPE, stderr=subprocess.PIPE)
             deepest, flat_at, number, last = 0.0, None, 0, time.monotonic()
             while station.poll() is None:
