@@ -93,7 +93,7 @@ void Viewer::handle_session_keys(double time_s) {
   }
   if (pressed(GLFW_KEY_N)) {
     if (facts_.recording.empty()) {
-      say("No recording to put a note into", time_s);
+      say("No recording: begin one to put a note into it", time_s);
     } else if (ending_.lines.empty()) {
       note_box_.open(live_.now());
     }
@@ -106,7 +106,9 @@ void Viewer::handle_session_keys(double time_s) {
   handle_scaling_keys();
   if (pressed(GLFW_KEY_M)) {
     panel_.ask(ViewRequest::Kind::kMarker);
-    say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
+    say(facts_.recording.empty() ? "No recording: begin one to put a mark into it"
+                                 : "Mark put into the recording",
+        time_s);
   }
   if (pressed(GLFW_KEY_T) && !facts_.tasks.empty()) {
     // The next one that fits, round and round.

@@ -168,7 +168,7 @@ Server::Server(const ServerConfig& config, std::vector<ServedScene> scenes)
       scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
   behind_.reserve(table_.capacity());
   if (shared()) {
-    if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
+    if (search_.has_others()) throw UserError("--share one-tip works with one worker: leave --workers at 1");
     make_tip(0, 0, 0);
     return;
   }

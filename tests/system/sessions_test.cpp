@@ -340,7 +340,8 @@ TEST_F(SessionsTest, WhereNobodySaysWhichTheSampleItselfIsFelt) {
     command.insert(command.end(), more.begin(), more.end());
     const Finished plain = run_program(command, {}, kLong);
     EXPECT_EQ(plain.exit_code, 0) << plain.err;
-    EXPECT_TRUE(says(plain.err, std::string("note: no twin, a method by the round trip instead: ") + why))
+    EXPECT_TRUE(
+        says(plain.err, std::string("note: no twin, a method chosen by the round trip instead: ") + why))
         << plain.err;
     EXPECT_TRUE(says(plain.err, "(by the round trip)")) << plain.err;
   };
@@ -369,7 +370,7 @@ TEST_F(SessionsTest, AWayBeyondWhatWasMeasuredIsToldAndNotATwins) {
                    "indent", "--duration-s", "0.5", "--velocity-scale", "4e-6"},
                   {}, kLong);
   EXPECT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_TRUE(says(run.err, "note: no twin, a method by the round trip instead: the round trip is 52"))
+  EXPECT_TRUE(says(run.err, "note: no twin, a method chosen by the round trip instead: the round trip is 52"))
       << run.err;
   EXPECT_TRUE(says(run.err, "method model (by the round trip)")) << run.err;
 }

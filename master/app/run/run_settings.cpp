@@ -16,7 +16,7 @@ namespace {
 void require_numbers(const RunOptions& options) {
   const auto require = [](const char* flag, double value) {
     if (!std::isfinite(value))
-      throw UserError(fmt::format("{}: {} is no finite number; see --help for its range", flag, value));
+      throw UserError(fmt::format("{}: {} is not a finite number; see --help for its range", flag, value));
   };
   require("--rate", options.rate_hz.value_or(0));
   require("--duration-s", options.duration_s.value_or(0));

@@ -95,7 +95,7 @@ void choose_scene(link::ClientSession& session, connection::ServerLink& way, con
   if (wanted == scenes.end()) {
     if (scenes.empty() && served == name) return;
     throw RunError(scenes.empty()
-                       ? fmt::format("--server-scene '{}': the server serves '{}' alone", name, served)
+                       ? fmt::format("--server-scene '{}': the server serves only '{}'", name, served)
                        : fmt::format("--server-scene '{}': the server has {}", name, names_of(scenes)));
   }
   if (session.welcome().scene_hash == wanted->hash) return;
@@ -109,12 +109,13 @@ void choose_scene(link::ClientSession& session, connection::ServerLink& way, con
   const bool in_time = tend_until(
       session, way, server, pipe, kSwitchS, stop, [](link::ClientEvent) {}, ask, answered);
   if (!in_time)
-    throw RunError(fmt::format("the server does not bring the session to its scene '{}': no answer", name));
+    throw RunError(
+        fmt::format("the server did not move the session to its scene '{}': it does not answer", name));
   if (session.scene_switching() == link::SceneSwitching::kDone) return;
   const bool rate = session.refuse().reason == link::RefuseReason::kRate;
-  throw RunError(fmt::format("the server does not bring the session to its scene '{}': {}", name,
+  throw RunError(fmt::format("the server did not move the session to its scene '{}': {}", name,
                              rate ? "it takes fewer commands a second; try a lower --rate"
-                                  : "it has no place for it now; try again later"));
+                                  : "it has no room there now; try again later"));
 }
 
 }  // namespace telenano::app

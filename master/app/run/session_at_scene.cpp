@@ -253,7 +253,7 @@ std::optional<int> run_at_scene(SessionParts& parts) {
     live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   if (options.undo_marks_at_s && (welcome.feature_bits & link::kFeatureUndo) == 0)
-    throw UserError("--undo-marks-at: the server's sample keeps no marks, or it cannot take them back");
+    throw UserError("--undo-marks-at: the server's sample keeps no marks, or the server cannot undo them");
   if (options.undo_marks_at_s) live.undo_at(*options.undo_marks_at_s);
   live.set_scene_pipe(scene.pipe());
   std::optional<metrics::Exporter> exporter;

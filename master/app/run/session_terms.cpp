@@ -38,21 +38,20 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
   const double playout_s = playout_delay_s(file);
   if (file.link.playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
     fmt::print(stderr,
-               "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): what "
-               "comes later is not felt\n",
+               "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): replies that "
+               "come later are not felt\n",
                playout_s * 1e3, link.p99_s * 1e3);
   }
   if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   const control::CompandingConfig& companding = file.station.companding;
   if (companding.on() && method == control::Method::kTwin) {
-    fmt::print(
-        stderr,
-        "companding: attraction before contact up to {:g} times as strong, tasks {}; a hand may get {:.3g} "
-        "mJ more of it\n",
-        companding.gain, file.companding_tasks,
-        1e3 * file.station.scaling.hand_energy_j(companding.most_aj()));
+    fmt::print(stderr,
+               "companding: attraction before contact is up to {:g} times as strong, in tasks {}; the hand "
+               "may get {:.3g} mJ more energy by it\n",
+               companding.gain, file.companding_tasks,
+               1e3 * file.station.scaling.hand_energy_j(companding.most_aj()));
   } else if (companding.on()) {
-    fmt::print(stderr, "note: companding is felt with method twin only: forces are shown as they are\n");
+    fmt::print(stderr, "note: companding works only with method twin: forces are shown unchanged\n");
   }
 }
 

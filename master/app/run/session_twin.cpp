@@ -84,7 +84,7 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
     why = too_slow(*twins[0], rate_hz);
     if (!why.empty()) twins.clear();
   } else if (scene) {
-    why = "this program's physics give the server's scene other bits (another version?)";
+    why = "this program computes the server's scene differently; use the same version on both sides";
   } else if (!keeper.settled()) {
     why = "the server's scene is still being made ready; a later session has it";
   } else {
@@ -97,14 +97,14 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
               const station::StationConfig& config, station::Station& station, bool quiet) {
   const bool same = twins[0]->scene_hash() == welcome.scene_hash;
   if (!same && !quiet)
-    fmt::print(stderr, "note: --scene is another scene than the server's: no twin, method model instead\n");
+    fmt::print(stderr, "note: --scene differs from the server's scene: no twin, method model instead\n");
   station.use_twin(std::make_unique<station::TwinRun>(twin_config(config.rate_hz), std::move(twins[0]),
                                                       std::move(twins[1])));
 }
 
 void tell_no_twin(const std::string& why, bool wanted) {
   fmt::print(stderr, "note: no twin, {}: {}\n",
-             wanted ? "method model instead" : "a method by the round trip instead", why);
+             wanted ? "method model instead" : "a method chosen by the round trip instead", why);
 }
 
 }  // namespace telenano::app

@@ -48,7 +48,7 @@ std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& option
   const auto first = std::find_if(known.begin(), known.end(), [&](const auto& task) {
     return device::task_name(task.first) == options.task;
   });
-  tell(options.task, first == known.end() ? "the way of the file" : first->second, 0);
+  tell(options.task, first == known.end() ? "the path of the file" : first->second, 0);
   for (const auto& [task, about] : known) {
     if (first != known.end() && task == first->first) continue;
     tell(std::string(device::task_name(task)), about,

@@ -80,7 +80,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
     parts_->size = parse_picture_size(options.screenshot_size);
     const fs::path folder = fs::path(options.screenshot).parent_path();
     if (!folder.empty() && !fs::is_directory(folder))
-      throw UserError("--screenshot: " + folder.string() + " is no folder");
+      throw UserError("--screenshot: " + folder.string() + " is not a folder");
   }
   if (window_ && !viewer::has_display())
     throw UserError(
