@@ -127,6 +127,14 @@ def ctest(*arguments):
     return re.findall(r"^ *Test +#\d+: (\S+)", listed, flags=re.M)
 
 
+def without_comments(file):
+    """A source's code: a name that only a comment still has leads nowhere."""
+    text = file.read_text()
+    if file.suffix == ".toml":
+        return re.sub(r"#.*", "", text)
+    return re.sub(r"/\*.*?\*/|//[^\n]*", "", text, flags=re.S) if file.suffix in (".h", ".cpp", ".proto") else text
+
+
 def wrong_places(path):
     """Links to a file of the project with names in code spans behind them: how many, and what is not there."""
     places, wrong = 0, []
@@ -140,7 +148,7 @@ def wrong_places(path):
         elif functions:
             places += 1
             wrong += [f"{name(path)}: {f} is not in {link}" for f in re.findall(r"`([^`]+)`", functions)
-                      if not re.search(rf"\b{re.escape(f)}\b", file.read_text())]
+                      if not re.search(rf"\b{re.escape(f)}\b", without_comments(file))]
         elif in_table:
             wrong.append(f"{name(path)}: {link} without a function")
     return places, wrong
@@ -213,6 +221,29 @@ class Documents(unittest.TestCase):
         self.assertGreater(len(code), 20)
         self.none([f"{paper} {kind}. {number} of {where} is not in deploy/docs/equations.md"
                    for (paper, kind, number), where in sorted(code.items()) if (paper, kind, number) not in index])
+
+    def test_what_a_newcomer_looks_up_leads_to_code(self):
+        """Each equation and figure of KS and CB that the index has: a row, and in it a function that is there."""
+        page = SOURCE / "deploy/docs/equations.md"
+        rows = [line for line in page.read_text().splitlines() if re.match(r"\| (KS|CB|heavy)\b", line)]
+        answered = set()
+        for row in rows:
+            first = row.split("|")[1]
+            places = re.findall(r"\]\(([^()\s]+\.(?:h|cpp|toml))\)((?:\s+`[^`]+`)+)", row)
+            self.assertTrue(places, f"{first.strip()}: no file with a function")
+            answered |= {(first.split()[0].removesuffix("'s"), *what) for what in numbers(first)}
+        for paper, kind, wanted in (("KS", "eq", ["7", "9", "10", *map(str, range(14, 23))]),
+                                    ("KS", "fig", ["6", *map(str, range(10, 19))]), ("CB", "fig", ["3", "4a", "4b", "4c", "4d"])):
+            self.none([f"{paper} {kind}. {n} is not in the index" for n in wanted if (paper, kind, n) not in answered])
+
+    def test_what_draws_a_figure_is_what_the_program_calls(self):
+        """A figure's function in the index is one that telenano-lab can draw: named where the figures are listed."""
+        studies = SOURCE / "tests/studies"
+        listed = "".join(without_comments(path) for path in studies.rglob("*.cpp"))
+        index = (SOURCE / "deploy/docs/equations.md").read_text()
+        drawn = set(re.findall(r"`(draw_(?:ks|cb)\d+)`", index))
+        self.assertGreaterEqual(len(drawn), 8)
+        self.none([f"nobody draws by {f}" for f in drawn if not re.search(rf"(?<!Figure )\b{f}\b", listed)])
 
     def test_tests_that_are_named_exist(self):
         self.needs_all_parts()
@@ -338,6 +369,10 @@ class Documents(unittest.TestCase):
         self.assertEqual(numbers("figs. 4a-d and fig. 3"), {("fig", n) for n in ("4a", "4b", "4c", "4d", "3")})
         self.assertEqual(numbers(", eqs. 21, 22, fig. 12"), {("eq", "21"), ("eq", "22"), ("fig", "12")})
         self.assertIsNone(wrong_command("telenano-nve serve | telenano-master run --observe"))
+        with tempfile.TemporaryDirectory() as folder:
+            source = pathlib.Path(folder) / "source.h"
+            source.write_text("/* gone_1() */ int here();  // gone_2()\n/// gone_3()\n")
+            self.assertEqual(re.findall(r"\w+(?=\()", without_comments(source)), ["here"])
 
 
 if __name__ == "__main__":
