@@ -3,6 +3,7 @@
 
 documents_test.py SOURCE_DIR BUILD_DIR
 """
+import errno
 import functools
 import os
 import pathlib
@@ -133,6 +134,16 @@ def without_comments(file):
     if file.suffix == ".toml":
         return re.sub(r"#.*", "", text)
     return re.sub(r"/\*.*?\*/|//[^\n]*", "", text, flags=re.S) if file.suffix in (".h", ".cpp", ".proto") else text
+
+
+def said_by_the_programs():
+    """What stands in the sources' texts; a text that is broken over lines in one piece."""
+    texts = []
+    for folder in ("common", "master", "nve_server"):
+        for path in (SOURCE / folder).rglob("*.[ch]*"):
+            code = without_comments(path) if path.suffix in (".h", ".cpp") else ""
+            texts += ["".join(re.findall(r'"((?:\\.|[^"\\\n])*)"', t)) for t in re.findall(r'(?:"(?:\\.|[^"\\\n])*"\s*)+', code)]
+    return "\n".join(texts) + "\n" + "\n".join(map(os.strerror, errno.errorcode))
 
 
 def wrong_places(path):
@@ -342,6 +353,15 @@ class Documents(unittest.TestCase):
                         self.assertTrue((at.parent / file).exists(), f"{name(path)}: {link}")
             for page in re.findall(r": (\S+\.md)$", (SOURCE / "deploy/docs/mkdocs.yml").read_text(), flags=re.M):
                 self.assertTrue((staged / page).exists(), page)
+
+    def test_each_symptom_is_said_by_a_program(self):
+        """What OPERATIONS.md says that a person sees; HOST:PORT and … stand for anything."""
+        table = (SOURCE / "deploy/OPERATIONS.md").read_text().partition("## What to do when")[2].partition("\n## ")[0]
+        said = said_by_the_programs()
+        seen = [text for row in re.findall(r"^\| ([^|]*)\|", table, flags=re.M) for text in re.findall(r"`([^`]+)`", row)]
+        self.assertGreater(len(seen), 12)
+        self.none([f"no program says '{text}'" for text in seen
+                   if not all(part.strip(": ") in said for part in re.split("…|HOST:PORT|keys.toml", text))])
 
     def test_each_hazard_names_a_test_that_exists(self):
         """In the first table of SAFETY.md; … stands for what is left out."""
