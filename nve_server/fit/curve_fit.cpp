@@ -162,7 +162,7 @@ CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, d
   // By columns of equal size: nm, logarithms and a tilt stand side by side.
   const Vector scale = normal.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
   const Matrix scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Matrix inverse = scaled.completeOrthogonalDecomposition().pseudoInverse();
+  const Matrix inverse = pseudo_inverse(scaled);
   const Matrix covariance = scale.asDiagonal() * inverse * scale.asDiagonal();
 
   // What an error of a calibration does: the fit moves by −(JᵀWJ)⁻¹ JᵀW ∂r.

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <sstream>
+
+#include "telenano/nve_server/fit/decompositions.h"
 
 namespace telenano::fit {
 namespace {
@@ -48,7 +51,7 @@ double smooth_floor_nm(const PreparedCurve& curve) {
       for (Eigen::Index k = 2; k < kTerms; ++k) design(i, k) = 2 * t * design(i, k - 1) - design(i, k - 2);
       measured[i] = segment->deflection_nm[at];
     }
-    const Vector left = measured - design * design.colPivHouseholderQr().solve(measured);
+    const Vector left = measured - design * least_squares(design, measured);
     squares += left.squaredNorm();
     freedom += static_cast<double>(points - kTerms);
   }
@@ -79,15 +82,15 @@ std::string best_known(const Matrix& normal, const std::vector<int>& shown,
   const Vector scale = theirs.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
   const Matrix scaled = scale.asDiagonal() * theirs * scale.asDiagonal();
   const Matrix left = scale.asDiagonal() * with;
-  const Matrix information = own - left.transpose() * scaled.completeOrthogonalDecomposition().solve(left);
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(information);
-  if (solver.info() != Eigen::Success || !(solver.eigenvalues()[n - 1] > 0)) return {};
-  Vector direction = solver.eigenvectors().col(n - 1);
+  const Matrix information = own - left.transpose() * solve_of_any_rank(scaled, left);
+  const std::optional<EigenPair> best = greatest_eigen_pair(information);
+  if (!best || !(best->value > 0)) return {};
+  Vector direction = best->direction;
   Eigen::Index largest = 0;
   direction.cwiseAbs().maxCoeff(&largest);
   const double factor = direction[largest];
   direction /= factor;
-  const double error = std::sqrt(std::max(reduced, 1.0) / solver.eigenvalues()[n - 1]) / std::abs(factor);
+  const double error = std::sqrt(std::max(reduced, 1.0) / best->value) / std::abs(factor);
   std::string text;
   for (Eigen::Index i = 0; i < n; ++i) {
     if (std::abs(direction[i]) < 0.02) continue;

@@ -485,7 +485,7 @@ bool Hdf5Tree::column(Address object, std::size_t most, std::vector<double>& out
         const auto stored = part(bytes_, child, little(entry, 4));
         if (!stored || first >= count || first % side != 0 || ++chunks > chunks_max ||
             !unfilter(*stored, filters, little(entry.substr(4), 4), chunk_bytes, type.size, chunk)) {
-          why = "has a damaged or incomplete chunk";
+          why = "has a damaged chunk, or an incomplete one";
           return false;
         }
         const std::size_t to = static_cast<std::size_t>(first) * type.size;

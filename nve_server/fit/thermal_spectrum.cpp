@@ -1,6 +1,6 @@
 #include "telenano/nve_server/fit/thermal_spectrum.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +9,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/decompositions.h"
 #include "telenano/nve_server/fit/text_table.h"
 
 namespace telenano::fit {
@@ -391,8 +392,7 @@ ThermalStiffness stiffness_of(const Spectrum& spectrum, const ThermalSetup& setu
     return fail("has fewer than three values across its resonance: give a longer series or a finer spectrum");
   found.scatter_at_peak = at_peak / near_peak;
   // ln⟨z²⟩ = ln A + ln f0 + ln Q + const.
-  const Eigen::Matrix4d covariance =
-      (found.averages * normal).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::Matrix4d covariance = pseudo_inverse(found.averages * normal);
   const Eigen::Vector4d share{1, 1, 1, 0};
   found.relative_error = std::sqrt(std::max(0.0, share.dot(covariance * share)));
   found.frequency_hz = oscillator.f0;
