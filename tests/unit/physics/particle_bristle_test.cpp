@@ -1,9 +1,10 @@
 #include "telenano/nve_server/physics/particle/particle_bristle.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/Geometry>
 
 #include <cmath>
+
+#include "tests/support/shortest_turn.h"
 
 namespace telenano::physics {
 namespace {
@@ -39,7 +40,7 @@ TEST(ParticleBristle, TurnsWithThePlaneOfContact) {
   const Vec3 from = Vec3(0.1, -0.2, 1).normalized(), to = Vec3(-0.3, 0.4, 0.8).normalized();
   const Vec3 s = from.cross(Vec3(1, 2, 3));
   const Vec3 turned = transported(s, from, to);
-  const Vec3 expected = Eigen::Quaterniond::FromTwoVectors(from, to) * s;
+  const Vec3 expected = support::shortest_turn(from, to) * s;
   EXPECT_LT((turned - expected).norm(), 1e-14);
   EXPECT_LT(std::abs(turned.dot(to)), 1e-14);
 }
