@@ -55,8 +55,7 @@ void tell_twin(const Badge& badge, const SessionInputs& inputs, std::vector<Mess
         {"The sample here and the server's differ: the server's state is taken up, gently", Mood::kWarning});
   if (inputs.twin == station::TwinState::kGivenUp)
     lines.push_back(
-        {"The server's sample differs from its scene here, or the server does not confirm it: another method "
-         "until the session ends",
+        {"The server's sample differs from its scene here, or is not confirmed: another method from now on",
          badge.mood});
 }
 
