@@ -4,10 +4,6 @@
 
 namespace telenano::fit {
 
-Vector least_squares(const Matrix& a, const Vector& b) {
-  return a.colPivHouseholderQr().solve(b);
-}
-
 Matrix solve_of_any_rank(const Matrix& a, const Matrix& b) {
   return a.completeOrthogonalDecomposition().solve(b);
 }

@@ -10,10 +10,7 @@ using Matrix = Eigen::MatrixXd;
 
 // Eigen's decompositions of matrices of any size. They are dear to compile: here once for all of this folder.
 
-/// The x of least |A x − b|: Householder's method with pivots.
-Vector least_squares(const Matrix& a, const Vector& b);
-
-/// A X = B for A of any rank: complete orthogonal decomposition.
+/// The X of least |A X − B|, and of those the smallest, for A of any shape and rank: complete orthogonal decomposition.
 Matrix solve_of_any_rank(const Matrix& a, const Matrix& b);
 Matrix pseudo_inverse(const Matrix& a);
 

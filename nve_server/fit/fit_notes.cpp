@@ -51,7 +51,7 @@ double smooth_floor_nm(const PreparedCurve& curve) {
       for (Eigen::Index k = 2; k < kTerms; ++k) design(i, k) = 2 * t * design(i, k - 1) - design(i, k - 2);
       measured[i] = segment->deflection_nm[at];
     }
-    const Vector left = measured - design * least_squares(design, measured);
+    const Vector left = measured - design * solve_of_any_rank(design, measured);
     squares += left.squaredNorm();
     freedom += static_cast<double>(points - kTerms);
   }
