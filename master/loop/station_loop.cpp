@@ -4,6 +4,7 @@
 #include <type_traits>
 
 #include "proto/reply_columns.h"
+#include "telenano/common/base/renew.h"
 
 namespace telenano::loop {
 namespace {
@@ -219,7 +220,7 @@ bool StationLoop::undo_marks(std::int64_t now_ns) noexcept {
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
   const link::Incoming& in = session_.incoming();
   recording::DatagramRow& row = datagrams_[datagram_count_++];
-  row = {};
+  renew(row);
   row.tick = ticks_;
   row.came_ns = came_ns;
   row.type = static_cast<std::uint32_t>(in.type);

@@ -7,6 +7,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/renew.h"
 #include "telenano/nve_server/slave/state_fields.h"
 
 namespace telenano::slave {
@@ -467,7 +468,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
   if (input.wants_model) {
     output.model = model_.of(port().solution, port().commanded_w_nm);
   } else {
-    output.model = {};
+    renew(output.model);
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
+#include "telenano/common/base/renew.h"
 #include "telenano/nve_server/physics/numerics/cholesky_nine.h"
 
 namespace telenano::physics {
@@ -112,7 +113,7 @@ bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noe
   const bool attracts = ground.potential().law().parameters().van_der_waals;
   const Branch outer = attracts ? Branch::kVanDerWaals : Branch::kFree;
   Equilibrium& law = contact.law;
-  law = {};
+  renew(law);
   law.branch = !contact.place.inside      ? outer
                : at.size.square_nm2 > 0.0 ? Branch::kContact
                                           : Branch::kNonContact;
@@ -174,18 +175,18 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       if (turns) slip += lever * n.cross(turn);
       contact.slide = respond(held.slide, held.slide_nm + slip);
     } else {
-      contact.slide = {};
+      renew(contact.slide);
     }
     const Vec3 spin = turns ? Vec3(n * n.dot(turn)) : Vec3(Vec3::Zero());
     if (turns && held.roll.acts()) {
       contact.roll = respond(held.roll, held.roll_rad + turn - spin);
     } else {
-      contact.roll = {};
+      renew(contact.roll);
     }
     if (turns && held.spin.acts()) {
       contact.spin = respond(held.spin, held.spin_rad + spin);
     } else {
-      contact.spin = {};
+      renew(contact.spin);
     }
 
     potential +=
