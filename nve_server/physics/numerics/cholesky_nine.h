@@ -101,7 +101,7 @@ class CholeskyNine {
     return count % 2 != 0 ? sum + term[count - 1] : sum;
   }
 
-  double l_[kSize][kSize];
+  double l_[kSize][kSize] = {};
 };
 
 }  // namespace telenano::physics
