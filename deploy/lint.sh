@@ -49,8 +49,8 @@ cmake --build $build --target telenano_proto --parallel "$jobs" >/dev/null
 found=$(mktemp)
 commands=$(mktemp -d)
 trap 'rm -rf "$found" "$commands"' EXIT
-# clang reads no header that gcc has precompiled, and has not all of gcc's warnings.
-sed -E 's/ -Winvalid-pch| -include [^ ]*cmake_pch\.hxx| -Wno-(restrict|stringop-[a-z]+)//g' $build/compile_commands.json >"$commands/compile_commands.json"
+# clang reads no header that gcc has precompiled, and has not all of gcc's warnings and ways to copy.
+sed -E 's/ -Winvalid-pch| -include [^ ]*cmake_pch\.hxx| -Wno-(restrict|stringop-[a-z]+)| -mmem(set|cpy)-strategy=[^ "]*//g' $build/compile_commands.json >"$commands/compile_commands.json"
 if [ ${#files[@]} -gt 0 ]; then printf '%s\0' "${files[@]}"; else
   # Only what this build compiles: the other half of an option has no command.
   sed -n 's|^ *"file": "\(.*\.cpp\)",\?$|\1|p' $build/compile_commands.json | grep -E "^$project/(common|master|nve_server|tests)/" | sort -u | tr '\n' '\0'

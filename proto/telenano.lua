@@ -68,7 +68,8 @@ local messages = {
     { 15, "method", "i", values.PortMethod }, { 16, "energy_scale_aj_j", "d" }, { 17, "energy_sent_j", "d" },
     { 18, "wave_sum_w_x_sqrt_aj_s", "d" }, { 19, "wave_sum_w_y_sqrt_aj_s", "d" }, { 20, "wave_sum_w_z_sqrt_aj_s", "d" },
     { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 31, "tip_hold", "i" },
-    { 40, "recent_commands", "b" }, { 41, "steps", "b" },
+    { 32, "reply_floor_pn", "i" }, { 33, "reply_relative_permille", "i" }, { 40, "recent_commands", "b" },
+    { 41, "steps", "b" },
   },
   [6] = {  -- Reply
     { 1, "session_id", "x" }, { 2, "sequence", "q" }, { 3, "command_sequence", "q" },
@@ -87,7 +88,7 @@ local messages = {
     { 41, "particle_pos_w_x_nm", "d" }, { 42, "particle_pos_w_y_nm", "d" }, { 43, "particle_pos_w_z_nm", "d" },
     { 44, "particle_radius_nm", "d" }, { 45, "particle_state", "i", values.ParticleStatus },
     { 46, "steps_executed", "q" }, { 47, "state_hash", "x" }, { 48, "steps_newest", "q" }, { 49, "steps_breaks", "i" },
-    { 50, "break_reason", "i", values.StepBreak }, { 51, "break_step", "q" },
+    { 50, "break_reason", "i", values.StepBreak }, { 51, "break_step", "q" }, { 52, "replies_left_out", "q" },
   },
   [7] = {  -- Bye
     { 1, "session_id", "x" }, { 2, "reason", "i", values.ByeReason },

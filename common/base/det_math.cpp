@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <limits>
 
+#include "telenano/common/base/det_exp_lanes.h"
+
 namespace telenano {
 namespace {
 
@@ -83,40 +85,29 @@ SinCos det_sin_cos(double x) noexcept {
 
 namespace {
 
-// x = n ln2 + r, ln2 in two parts, the first with 32 trailing zero bits.
-constexpr double kLn2Hi = 6.93147180369123816490e-01;
-constexpr double kLn2Lo = 1.90821492927058770002e-10;
-constexpr double kPerLn2 = 1.44269504088896338700;
-constexpr double kExpFirst = 1.0 / 6227020800.0;
-constexpr double kExpNext[] = {1.0 / 479001600.0,
-                               1.0 / 39916800.0,
-                               1.0 / 3628800.0,
-                               1.0 / 362880.0,
-                               1.0 / 40320.0,
-                               1.0 / 5040.0,
-                               1.0 / 720.0,
-                               1.0 / 120.0,
-                               1.0 / 24.0,
-                               1.0 / 6.0,
-                               0.5};
+struct Two {
+  static constexpr std::size_t kCount = 2;
+  __m128d v;
 
-/// Both between −700 and 700.
-__m128d exp_of_two(__m128d x) noexcept {
-  const __m128d at = _mm_add_pd(_mm_mul_pd(x, _mm_set1_pd(kPerLn2)), _mm_set1_pd(0.5));
-  const __m128d cut = _mm_cvtepi32_pd(_mm_cvttpd_epi32(at));
-  const __m128d n = _mm_sub_pd(cut, _mm_and_pd(_mm_cmpgt_pd(cut, at), _mm_set1_pd(1.0)));  // floor
-  const __m128d low = _mm_mul_pd(n, _mm_set1_pd(kLn2Lo));
-  const __m128d hi = _mm_sub_pd(x, _mm_mul_pd(n, _mm_set1_pd(kLn2Hi)));
-  const __m128d r = _mm_sub_pd(hi, low);
-  const __m128d tail = _mm_sub_pd(_mm_sub_pd(hi, r), low);
-  __m128d p = _mm_set1_pd(kExpFirst);
-  for (const double inverse : kExpNext) p = _mm_add_pd(_mm_mul_pd(p, r), _mm_set1_pd(inverse));
-  const __m128d y =
-      _mm_add_pd(_mm_set1_pd(1.0), _mm_add_pd(r, _mm_add_pd(_mm_mul_pd(_mm_mul_pd(r, r), p), tail)));
-  const __m128i biased = _mm_add_epi32(_mm_cvttpd_epi32(n), _mm_set1_epi32(1023));  // above 0
-  const __m128i wide = _mm_unpacklo_epi32(biased, _mm_setzero_si128());
-  return _mm_mul_pd(y, _mm_castsi128_pd(_mm_slli_epi64(wide, 52)));
-}
+  static Two load(const double* p) noexcept { return {_mm_loadu_pd(p)}; }
+  static Two all(double a) noexcept { return {_mm_set1_pd(a)}; }
+  void store(double* p) const noexcept { _mm_storeu_pd(p, v); }
+  bool within(double most) const noexcept {
+    return _mm_movemask_pd(_mm_cmple_pd(_mm_andnot_pd(_mm_set1_pd(-0.0), v), _mm_set1_pd(most))) == 0b11;
+  }
+  Two floor() const noexcept {
+    const __m128d cut = _mm_cvtepi32_pd(_mm_cvttpd_epi32(v));
+    return {_mm_sub_pd(cut, _mm_and_pd(_mm_cmpgt_pd(cut, v), _mm_set1_pd(1.0)))};
+  }
+  /// 2^n; each n a whole number whose power is normal.
+  Two power_of_two() const noexcept {
+    const __m128i biased = _mm_add_epi32(_mm_cvttpd_epi32(v), _mm_set1_epi32(kBias));  // above 0
+    return {_mm_castsi128_pd(_mm_slli_epi64(_mm_unpacklo_epi32(biased, _mm_setzero_si128()), kMantissaBits))};
+  }
+  friend Two operator+(Two a, Two b) noexcept { return {_mm_add_pd(a.v, b.v)}; }
+  friend Two operator-(Two a, Two b) noexcept { return {_mm_sub_pd(a.v, b.v)}; }
+  friend Two operator*(Two a, Two b) noexcept { return {_mm_mul_pd(a.v, b.v)}; }
+};
 
 }  // namespace
 
@@ -139,16 +130,19 @@ double det_exp(double x) noexcept {
   return std::ldexp(std::ldexp(y, k / 2), k - k / 2);
 }
 
+std::size_t exp_by_fours(const double* x, std::size_t count, double* exp) noexcept;  // det_exp_avx.cpp
+
 void det_exp_each(const double* x, std::size_t count, double* exp) noexcept {
-  constexpr double kMost = 700;
+  static const bool fours = __builtin_cpu_supports("avx");
   std::size_t i = 0;
-  for (; i + 1 < count; i += 2) {
-    if (std::fabs(x[i]) <= kMost && std::fabs(x[i + 1]) <= kMost) {
-      _mm_storeu_pd(exp + i, exp_of_two(_mm_loadu_pd(x + i)));
-      continue;
+  while (i + 1 < count) {
+    i += fours ? exp_by_fours(x + i, count - i, exp + i) : 0;
+    i += exp_by_lanes<Two>(x + i, count - i, exp + i);
+    // Where they stop, one is out of their range, or is the last.
+    if (i < count) {
+      exp[i] = det_exp(x[i]);
+      ++i;
     }
-    exp[i] = det_exp(x[i]);
-    exp[i + 1] = det_exp(x[i + 1]);
   }
   if (i < count) exp[i] = det_exp(x[i]);
 }

@@ -24,11 +24,11 @@ struct MethodCircumstances {
 ///
 /// A plane is right for a flat, linear wall at any delay, and wrong for adhesion that is stretched, a rough
 /// ground, a groove; the newest reply is right for all of them, but late. telenano-lab fidelity, 15 motions
-/// over the scenes that come with the project (tests/results/fidelity), NRMSE of the force, geometric mean:
-/// 0.028
-/// (`tank`) against 0.044 (`model`) at a round trip of 0, 0.038 : 0.047 at 2 ms, 0.054 : 0.058 at 4 ms,
-/// 0.078 : 0.065 at 8 ms, 0.12 : 0.08 at 16 ms; the worst motion 0.05 : 0.31 at 0. So they cross between 4
-/// and 8 ms; in between nothing changes, lest a link that lies there change it again and again.
+/// over the scenes that come with the project (--rtt 0,2,4,8,16 --loss 0), NRMSE of the force, geometric mean
+/// of `tank` : `model`:
+/// 0.027 : 0.056 at a round trip of 0, 0.037 : 0.062 at 2 ms, 0.053 : 0.071 at 4 ms, 0.078 : 0.079 at 8 ms,
+/// 0.13 : 0.09 at 16 ms; the worst motion 0.05 : 0.31 at 0. So they cross at 8 ms; between 4 and 8 ms, where
+/// neither is much better, nothing changes, lest a link that lies there change it again and again.
 ///
 /// The twin's felt force is the sample's at every round trip that was measured, up to 0.5 s (NRMSE 0.003,
 /// 0.008 at worst); beyond, the tip is so far behind the hand that what is felt is too long unconfirmed. One

@@ -139,11 +139,13 @@ std::int64_t ClientSession::step_wait_ns() const noexcept {
 
 ClientEvent ClientSession::drop(DropCause cause) noexcept {
   drops_.add(cause);
+  last_drop_ = cause;
   return ClientEvent::kDropped;
 }
 
 ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
   overtaken_ = false;
+  last_drop_ = DropCause::kNone;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
   switch (incoming_.type) {
@@ -324,8 +326,10 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   // Steps that were never sent cannot have been executed.
   if (logs_steps() && (reply.steps.executed > steps_.newest() || reply.steps.executed > reply.steps.newest))
     return drop(DropCause::kOutOfRange);
-  // The n-th reply answers the n-th accepted command, or a later one.
-  if (reply.sequence > reply.command_sequence) return drop(DropCause::kOutOfRange);
+  // Of the accepted commands up to this one each has a reply with a number, or one that was left out.
+  if (reply.sequence > reply.command_sequence ||
+      reply.replies_left_out > reply.command_sequence - reply.sequence)
+    return drop(DropCause::kOutOfRange);
   const DropCause cause =
       replies_.accept(reply.sequence, SequenceWindow::max_leap(config_.rate_hz, now_ns - last_news_ns_));
   overtaken_ = cause == DropCause::kStale;
@@ -375,6 +379,7 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     command.tip_hold = 0;
     command.flags &= ~(kFlagTakeOver | kFlagHandOver);
   }
+  if ((features() & kFeatureReplyDeadband) == 0) command.reply_deadband = {};
   if ((features() & kFeatureUndo) == 0) command.flags &= ~std::uint32_t{kFlagUndo};
   if (logs_steps()) {
     const bool stops = (command.flags & kFlagStop) != 0;
@@ -402,9 +407,12 @@ std::size_t ClientSession::make_snapshot_request(std::int64_t now_ns, std::span<
 /// Adds what this session has counted.
 void ClientSession::count(LinkQuality& q) const noexcept {
   q.commands_sent += command_sequence_;
-  // Every accepted command has one reply, numbered from 1: the rest had not been accepted.
-  if (has_reply_)
-    q.commands_lost += reply_.command_sequence - std::min(reply_.sequence, reply_.command_sequence);
+  // Every accepted command has one reply, numbered from 1, or one that was left out: the rest had not been
+  // accepted.
+  if (has_reply_) {
+    q.commands_lost += reply_.command_sequence - reply_.sequence - reply_.replies_left_out;
+    q.replies_left_out += reply_.replies_left_out;
+  }
   q.replies += replies_.received();
   q.replies_lost += replies_.lost();
   q.reordered += replies_.reordered();

@@ -175,8 +175,10 @@ void write_steps(std::span<const std::uint8_t> steps, std::uint8_t* at) noexcept
 template <class Message>
 std::size_t write_flat(MessageType type, const Message& message, const RecentCommands& recent,
                        std::span<std::uint8_t> out, std::span<const std::uint8_t> steps = {}) noexcept {
-  std::array<std::uint8_t, kMaxDatagramBytes> apart;  // where `out` might be too short
-  const bool fits = out.size() >= kMaxDatagramBytes;
+  // Where `out` might be too short; and with steps, where fields that no session has together would come to more than
+  // a datagram holds.
+  std::array<std::uint8_t, kMaxDatagramBytes + 64> apart;
+  const bool fits = steps.empty() && out.size() >= kMaxDatagramBytes;
   std::uint8_t* const begin = fits ? out.data() : apart.data();
   FlatWriter writer{begin + kHeaderBytes};
   visit_fields(message, writer);
@@ -187,9 +189,9 @@ std::size_t write_flat(MessageType type, const Message& message, const RecentCom
   if (!steps.empty()) write_steps(steps, writer.at);
   const std::size_t total = static_cast<std::size_t>(writer.at - begin) + recent_field_bytes(recent.count) +
                             steps_field_bytes(steps.size());
+  if (total > kMaxDatagramBytes || out.size() < total) return 0;
   write_header(std::span<std::uint8_t, kHeaderBytes>(begin, kHeaderBytes), type, total - kHeaderBytes);
   if (fits) return total;
-  if (out.size() < total) return 0;
   std::memcpy(out.data(), begin, total);
   return total;
 }
@@ -407,7 +409,9 @@ DropCause check_features(const Message&) noexcept {
 }
 
 DropCause check_features(const Command& m) noexcept {
-  return feature_fields_are_finite(m) ? in_range(is_in_range(m.control)) : DropCause::kNonFinite;
+  if (!feature_fields_are_finite(m)) return DropCause::kNonFinite;
+  return in_range(is_in_range(m.control) &&
+                  m.reply_deadband.relative_permille <= ReplyDeadband::kPermilleMost);
 }
 
 DropCause check_features(const Reply& m) noexcept {

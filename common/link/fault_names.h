@@ -8,12 +8,12 @@
 namespace telenano::link {
 
 /// FaultBits in words, the lowest bit first.
-inline constexpr std::array<const char*, 9> kFaultNames = {
-    "force limit",         "border of the workspace",
-    "value not finite",    "retracted",
-    "no equilibrium",      "too fast",
-    "approaching",         "share of the server used up",
-    "marks not taken back"};
-static_assert(kFaultUndo == 1u << (kFaultNames.size() - 1));
+inline constexpr std::array<const char*, 10> kFaultNames = {
+    "force limit",          "border of the workspace",
+    "value not finite",     "retracted",
+    "no equilibrium",       "too fast",
+    "approaching",          "share of the server used up",
+    "marks not taken back", "the last marks are another's"};
+static_assert(kFaultUndoAnothers == 1u << (kFaultNames.size() - 1));
 
 }  // namespace telenano::link

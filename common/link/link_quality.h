@@ -21,6 +21,7 @@ struct LinkQuality {
   std::uint64_t commands_lost = 0;  ///< that the server had not accepted when it sent the newest reply
   std::uint64_t replies = 0;        ///< different ones that came
   std::uint64_t replies_lost = 0;
+  std::uint64_t replies_left_out = 0;  ///< by the server, within the deadband: neither come nor lost
   std::uint64_t reordered = 0;
   std::uint64_t duplicates = 0;
   std::uint64_t dropped = 0;  ///< for any cause

@@ -18,23 +18,24 @@ inline constexpr std::size_t kSceneChunkBytes = 464;  ///< of a scene's bundle i
 /// What may be agreed on beyond the fields that every session has. A session has a feature if the station's
 /// Hello asks for it and the server's Welcome grants it; without, its fields are never sent.
 enum FeatureBits : std::uint64_t {
-  kFeaturePortControl = 1u << 0,   ///< PortControl in Command, PortAnswer in Reply
-  kFeatureLocalModel = 1u << 1,    ///< LocalModel in Reply
-  kFeatureSharing = 1u << 2,       ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
-  kFeatureRedundancy = 1u << 3,    ///< RecentCommands with Command (recent_commands.h)
-  kFeatureStepHistory = 1u << 4,   ///< Reply::steps_before
-  kFeatureParticle = 1u << 5,      ///< Particle in Reply
-  kFeatureWell = 1u << 6,          ///< Welcome::well_aj
-  kFeatureScene = 1u << 7,         ///< Welcome::scene, SceneRequest, SceneChunk
-  kFeatureStepLog = 1u << 8,       ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
-  kFeatureSharedLog = 1u << 9,     ///< steps of one datagram belong to its tip_hold: a log at a shared tip
-  kFeatureUndo = 1u << 11,         ///< kFlagUndo in Command, kFaultUndo in Reply
-  kFeatureSceneSwitch = 1u << 12,  ///< SceneListRequest, SceneListEntry, SceneSwitch
+  kFeaturePortControl = 1u << 0,     ///< PortControl in Command, PortAnswer in Reply
+  kFeatureLocalModel = 1u << 1,      ///< LocalModel in Reply
+  kFeatureSharing = 1u << 2,         ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
+  kFeatureRedundancy = 1u << 3,      ///< RecentCommands with Command (recent_commands.h)
+  kFeatureStepHistory = 1u << 4,     ///< Reply::steps_before
+  kFeatureParticle = 1u << 5,        ///< Particle in Reply
+  kFeatureWell = 1u << 6,            ///< Welcome::well_aj
+  kFeatureScene = 1u << 7,           ///< Welcome::scene, SceneRequest, SceneChunk
+  kFeatureStepLog = 1u << 8,         ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
+  kFeatureSharedLog = 1u << 9,       ///< steps of one datagram belong to its tip_hold: a log at a shared tip
+  kFeatureReplyDeadband = 1u << 10,  ///< ReplyDeadband in Command, Reply::replies_left_out
+  kFeatureUndo = 1u << 11,           ///< kFlagUndo in Command, kFaultUndo in Reply
+  kFeatureSceneSwitch = 1u << 12,    ///< SceneListRequest, SceneListEntry, SceneSwitch
 };
-inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
-                                                kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle |
-                                                kFeatureWell | kFeatureScene | kFeatureStepLog |
-                                                kFeatureSharedLog | kFeatureUndo | kFeatureSceneSwitch;
+inline constexpr std::uint64_t kKnownFeatures =
+    kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy | kFeatureStepHistory |
+    kFeatureParticle | kFeatureWell | kFeatureScene | kFeatureStepLog | kFeatureSharedLog |
+    kFeatureReplyDeadband | kFeatureUndo | kFeatureSceneSwitch;
 
 /// Why the slave's state is not what the log of steps says.
 enum StepBreak : std::uint32_t {
@@ -197,6 +198,17 @@ struct PortControl {
   }
 };
 
+/// How much the force may differ from that of the last reply before another one is sent: the greater of the
+/// two. Behind kFeatureReplyDeadband; all zero: every command is answered.
+struct ReplyDeadband {
+  std::uint32_t floor_pn = 0;           ///< on the tip, absolute
+  std::uint32_t relative_permille = 0;  ///< of the force in the last reply, at most kPermilleMost
+  static constexpr std::uint32_t kPermilleMost = 1000;
+
+  bool empty() const noexcept { return floor_pn == 0 && relative_permille == 0; }
+  friend bool operator==(const ReplyDeadband&, const ReplyDeadband&) = default;
+};
+
 /// Station → server, once a tick. Velocity streams, position anchors: loss causes no drift. Energies are
 /// cumulative.
 struct Command {
@@ -213,6 +225,7 @@ struct Command {
   PortControl control;
   /// Behind kFeatureSharing: the holding of the tip (TipShare::hold) that tip_pos_w_nm is anchored to.
   std::uint32_t tip_hold = 0;
+  ReplyDeadband reply_deadband;
 };
 
 enum class ContactState : std::uint32_t { kFree = 0, kVanDerWaals = 1, kNonContact = 2, kContact = 3 };
@@ -230,6 +243,7 @@ enum FaultBits : std::uint32_t {
   /// in. Nothing of the motion is lost.
   kFaultShare = 1u << 7,
   kFaultUndo = 1u << 8,  ///< behind kFeatureUndo: the last stroke of marks was not taken back, as asked
+  kFaultUndoAnothers = 1u << 9,  ///< with that: since another session made it
 };
 
 /// What the slave's port says to the method at the station. Behind kFeaturePortControl; all zero: nothing.
@@ -329,6 +343,8 @@ struct Reply {
   std::uint64_t steps_before = 0;
   Particle particle;
   StepReport steps;
+  /// Behind kFeatureReplyDeadband: replies of this session that were left out so far. They have no number.
+  std::uint64_t replies_left_out = 0;
 };
 
 /// Of the slave's state in one datagram.

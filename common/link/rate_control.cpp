@@ -22,6 +22,10 @@ constexpr double kRiseHzS = 40;         // a second,
 constexpr double kCalmS = 1.5;          // and after so long without a queue
 constexpr double kFasterHzS2 = 120;     // so much more each second
 constexpr double kLossByChance = 0.19;  // 10 % each way: 1 − 0.9²
+// Of three replies in 20 ms all are then lost once in five hours (50 · 0.01³ a second); of two, at a low rate, every
+// few minutes, and the force begins to fade.
+constexpr double kLossForDeadband = 0.01;
+constexpr std::int64_t kProbeNs = 10'000'000'000;
 constexpr std::int64_t kLossWindowNs = 500'000'000;
 constexpr std::uint64_t kLossLeast = 40;            // commands: 10 % of them are four
 constexpr std::int64_t kSilenceNs = 200'000'000;    // as the session's own
@@ -81,7 +85,10 @@ void RateControl::reset() noexcept {
   queue_ns_ = 0;
   rests_ = false;
   at_least_ns_ = -1;
-  first_command_ = newest_command_ = asked_ = arrived_ = 0;
+  first_ = newest_ = {};
+  arrived_ = exchanges_ = 0;
+  loss_ = 0;
+  spares_replies_ = false;
   waits_since_ns_ = -1;
 }
 
@@ -90,10 +97,18 @@ double RateControl::base_ns() const noexcept {
   return base == kUnknown ? 0 : static_cast<double>(base);
 }
 
+/// 0 at the full rate, 1 at the least.
+double RateControl::down() const noexcept {
+  if (config_.full_hz <= config_.least_hz) return 0;
+  return std::clamp((config_.full_hz - rate_hz_) / (config_.full_hz - config_.least_hz), 0.0, 1.0);
+}
+
 double RateControl::deadband_factor() const noexcept {
-  if (config_.full_hz <= config_.least_hz) return 1;
-  const double down = (config_.full_hz - rate_hz_) / (config_.full_hz - config_.least_hz);
-  return 1 + (config_.deadband_most - 1) * std::clamp(down, 0.0, 1.0);
+  return 1 + (config_.deadband_most - 1) * down();
+}
+
+double RateControl::reply_deadband_share() const noexcept {
+  return spares_replies_ && loss_ <= kLossForDeadband ? spared_share_ : 0;
 }
 
 void RateControl::note_base(std::int64_t now_ns, std::int64_t rtt_ns) noexcept {
@@ -106,28 +121,28 @@ void RateControl::note_base(std::int64_t now_ns, std::int64_t rtt_ns) noexcept {
   base_now_ns_ = std::min(base_now_ns_, rtt_ns);
 }
 
-void RateControl::on_reply(std::int64_t now_ns, std::int64_t rtt_ns,
-                           std::uint64_t command_sequence) noexcept {
+void RateControl::on_reply(std::int64_t now_ns, std::int64_t rtt_ns, const ReplyNumbers& reply) noexcept {
   news_ns_ = now_ns;
   waits_since_ns_ = -1;
+  // Another session counts from 1 again.
+  const bool another = newest_.command == 0 || reply.command < newest_.command;
+  exchanges_ += another || reply.left_out <= newest_.left_out ? 1 : 1 + reply.left_out - newest_.left_out;
   if (rtt_ns >= 0) {
     note_base(now_ns, rtt_ns);
     if (count_ > 0) {
       const auto change_ns = static_cast<double>(rtt_ns - sample_[(count_ - 1) % kSamples].rtt_ns);
       jitter_ns_ += (std::abs(change_ns) - jitter_ns_) / 16;
     }
-    sample_[count_++ % kSamples] = {now_ns, rtt_ns};
+    sample_[count_++ % kSamples] = {now_ns, rtt_ns, exchanges_};
   }
-  // Another session counts from 1 again.
-  if (newest_command_ == 0 || command_sequence < newest_command_) {
-    first_command_ = newest_command_ = command_sequence;
-    asked_ = arrived_ = 0;
+  newest_ = reply;
+  if (another || reply.sequence < first_.sequence || reply.left_out < first_.left_out) {
+    first_ = reply;
+    arrived_ = 0;
     loss_since_ns_ = now_ns;
     return;
   }
-  newest_command_ = command_sequence;
-  asked_ = newest_command_ - first_command_;
-  arrived_ = std::min(arrived_ + 1, asked_);
+  arrived_ = std::min(arrived_ + 1, newest_.sequence - first_.sequence);
 }
 
 /// Is the least round trip of the window above the base by more than the target? Sets queue_ns_.
@@ -153,14 +168,15 @@ bool RateControl::standing(std::int64_t now_ns) noexcept {
 double RateControl::delivered_hz(std::int64_t now_ns) const noexcept {
   const std::size_t kept = std::min(count_, kSamples);
   std::size_t n = 0;
-  std::int64_t oldest = now_ns;
+  Sample oldest{now_ns, 0, exchanges_};
   for (; n < kept; ++n) {
     const Sample& s = sample_[(count_ - 1 - n) % kSamples];
     if (n >= 4 && static_cast<double>(now_ns - s.time_ns) > kDeliveredWindowNs) break;
-    oldest = s.time_ns;
+    oldest = s;
   }
-  if (n < 4 || now_ns <= oldest) return rate_hz_;
-  return static_cast<double>(n - 1) * 1e9 / static_cast<double>(now_ns - oldest);
+  if (n < 4 || now_ns <= oldest.time_ns) return rate_hz_;
+  const std::uint64_t exchanges = sample_[(count_ - 1) % kSamples].exchanges - oldest.exchanges;
+  return static_cast<double>(exchanges) * 1e9 / static_cast<double>(now_ns - oldest.time_ns);
 }
 
 /// How long until a new rate shows in the replies: a round trip with its queue, and the window.
@@ -178,16 +194,22 @@ void RateControl::lower(std::int64_t now_ns, double rate_hz, RateReason reason) 
   starts_ = bulk_begins_ = false;
   lowered_ns_ = calm_ns_ = now_ns;
   held_down_ = true;
-  asked_ = arrived_ = 0;
-  first_command_ = newest_command_;
+  arrived_ = 0;
+  first_ = newest_;
   loss_since_ns_ = now_ns;
 }
 
+/// Of the commands so many were accepted, and of their replies that were sent so many came.
 void RateControl::look_for_loss(std::int64_t now_ns) noexcept {
-  if (now_ns - loss_since_ns_ < kLossWindowNs || asked_ < kLossLeast) return;
-  const double loss = 1 - static_cast<double>(arrived_) / static_cast<double>(asked_);
-  first_command_ = newest_command_;
-  asked_ = arrived_ = 0;
+  const std::uint64_t asked = newest_.command - first_.command;
+  const std::uint64_t sent = newest_.sequence - first_.sequence;
+  if (now_ns - loss_since_ns_ < kLossWindowNs || asked < kLossLeast || sent == 0) return;
+  const double accepted = static_cast<double>(std::min(newest_.accepted() - first_.accepted(), asked));
+  const double loss =
+      1 - accepted * static_cast<double>(arrived_) / (static_cast<double>(asked) * static_cast<double>(sent));
+  loss_ = loss;
+  first_ = newest_;
+  arrived_ = 0;
   loss_since_ns_ = now_ns;
   if (loss > kLossByChance) lower(now_ns, rate_hz_ * (1 - 0.5 * loss), RateReason::kLoss);
 }
@@ -195,7 +217,16 @@ void RateControl::look_for_loss(std::int64_t now_ns) noexcept {
 void RateControl::rise(std::int64_t now_ns, double dt_s) noexcept {
   if (rate_hz_ >= config_.full_hz) {
     reason_ = RateReason::kFull;
-    held_down_ = starts_ = false;
+    held_down_ = starts_ = spares_replies_ = false;
+    return;
+  }
+  if (spares_replies_ && now_ns - calm_ns_ > kProbeNs) {
+    spares_replies_ = false;
+    calm_ns_ = now_ns;  // slowly at first
+  }
+  const bool left_out = newest_.left_out > left_out_before_;
+  if (spares_replies_ && left_out && rate_hz_ >= roof_hz_) {
+    reason_ = RateReason::kQueue;
     return;
   }
   if (starts_) {
@@ -280,7 +311,11 @@ void RateControl::update(std::int64_t now_ns) noexcept {
         bulk_begins_ = false;
         if (!rests_) {
           const double beta = std::clamp(1 - queue_ns_ / kDrainNs, kBetaLeast, kBetaMost);
-          lower(now_ns, beta * std::min(rate_hz_, delivered_hz(now_ns)), RateReason::kQueue);
+          roof_hz_ = std::min(rate_hz_, delivered_hz(now_ns));
+          lower(now_ns, beta * roof_hz_, RateReason::kQueue);
+          spares_replies_ = true;
+          spared_share_ = down();
+          left_out_before_ = newest_.left_out;
         }
         watch_the_least(now_ns);
       } else {

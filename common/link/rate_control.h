@@ -12,7 +12,7 @@ struct RateControlConfig {
   double start_hz = 200;       ///< before the link is known; never above full_hz
   double least_hz = 50;        ///< the least: what a force needs that is held for 20 ms. Never above full_hz
   std::size_t redundancy = 0;  ///< commands that a datagram repeats on a link that is not full
-  double deadband_most = 4;    ///< a deadband grows up to this factor, at least_hz
+  double deadband_most = 4;    ///< a deadband of commands grows up to this factor, at least_hz
 };
 
 /// Why the rate is what it is. Stored in files: never renumber.
@@ -26,6 +26,16 @@ enum class RateReason : std::uint8_t {
   kFixed     ///< a person said which
 };
 const char* name(RateReason reason) noexcept;
+
+/// What a reply says of how many datagrams there were, all counted from 1 or 0 in a session.
+struct ReplyNumbers {
+  std::uint64_t command = 0;   ///< that it answers
+  std::uint64_t sequence = 0;  ///< its own
+  std::uint64_t left_out = 0;  ///< replies without a number, until then (Reply::replies_left_out)
+
+  /// Commands that the server has accepted.
+  std::uint64_t accepted() const noexcept { return sequence + left_out; }
+};
 
 /// How many datagrams a second the station sends, and how much each of them repeats: as many as the link
 /// carries without a queue. It adapts packets, never the tick: ticks without a datagram go with the next.
@@ -53,6 +63,14 @@ const char* name(RateReason reason) noexcept;
 /// bytes: while a queue stands or the rate is held down by one, nothing is repeated. A round trip that stays
 /// long at the least rate is no queue of ours: it becomes the base.
 ///
+/// Replies that the server leaves out (ReplyGate) are no loss: commands are counted by the replies that there are or
+/// that were left out, replies by their own numbers. The room that they leave is not for commands: when the force
+/// moves, all replies come at once, and a rate that had risen into it would queue up. So while replies are left out the
+/// rate stays below what was delivered when a queue stood last. After kProbeNs without a queue every reply is asked for
+/// again, the rate rises as ever, and a queue, or the full rate, ends that. How much of the deadband for replies there
+/// is follows how far the rate was lowered: none at the full rate, all of it at the least. None while the link has room
+/// or is not known, nor where it loses more than a few in a hundred, since of fewer replies each counts more.
+///
 /// Bulk (pieces of a snapshot or a scene) goes in proportion to this rate. Both fill the same queue, so that one
 /// signal holds down both. The proportion is 0.2 pieces for each datagram where a fetch begins, and doubles
 /// every 80 ms until a queue stands or it is 2. Bulk gives way first: where the least round trip is above the
@@ -69,11 +87,10 @@ class RateControl {
   void reset() noexcept;
 
   /// One reply that was accepted. `rtt_ns`: without the server's hold time; below 0: not known.
-  /// `command_sequence`: the command that it answers.
-  void on_reply(std::int64_t now_ns, std::int64_t rtt_ns, std::uint64_t command_sequence) noexcept;
+  void on_reply(std::int64_t now_ns, std::int64_t rtt_ns, const ReplyNumbers& reply) noexcept;
   /// A reply that another had overtaken: late, but not lost.
   void on_late_reply() noexcept {
-    if (arrived_ < asked_) ++arrived_;
+    if (arrived_ < newest_.sequence - first_.sequence) ++arrived_;
   }
 
   /// Once a tick, before anything is sent.
@@ -100,8 +117,10 @@ class RateControl {
   RateReason reason() const noexcept { return reason_; }
   /// Commands to repeat now.
   std::size_t redundancy() const noexcept { return held_down_ ? 0 : config_.redundancy; }
-  /// Factor for a deadband: 1 at the full rate, deadband_most at the least one.
+  /// Factor for a deadband of commands: 1 at the full rate, deadband_most at the least one.
   double deadband_factor() const noexcept;
+  /// Share of the deadband of replies: 0 … 1.
+  double reply_deadband_share() const noexcept;
   /// Delay above the base in the last window; 0 until there is one.
   double queue_ns() const noexcept { return queue_ns_; }
   double base_ns() const noexcept;
@@ -110,10 +129,12 @@ class RateControl {
   struct Sample {
     std::int64_t time_ns = 0;
     std::int64_t rtt_ns = 0;
+    std::uint64_t exchanges = 0;  // until then
   };
   static constexpr std::size_t kSamples = 512;
   static constexpr std::int64_t kUnknown = INT64_MAX;
 
+  double down() const noexcept;
   void note_base(std::int64_t now_ns, std::int64_t rtt_ns) noexcept;
   bool standing(std::int64_t now_ns) noexcept;
   double delivered_hz(std::int64_t now_ns) const noexcept;
@@ -156,11 +177,16 @@ class RateControl {
   std::int64_t at_least_ns_ = -1;  // at the least rate with a queue since then; -1: not
   double least_queue_ns_ = 0;
   // Of the present look at losses.
-  std::uint64_t first_command_ = 0;
-  std::uint64_t newest_command_ = 0;
-  std::uint64_t asked_ = 0;
+  ReplyNumbers first_;
+  ReplyNumbers newest_;
   std::uint64_t arrived_ = 0;
   std::int64_t loss_since_ns_ = 0;
+  double loss_ = 0;              // in the last look
+  bool spares_replies_ = false;  // since a queue stood
+  double spared_share_ = 0;
+  double roof_hz_ = 0;                 // what was delivered then
+  std::uint64_t left_out_before_ = 0;  // then
+  std::uint64_t exchanges_ = 0;        // commands whose reply has come, or was left out
   // Silence.
   std::int64_t news_ns_ = 0;
   std::int64_t waits_since_ns_ = -1;

@@ -34,12 +34,13 @@ std::uint64_t ServerHandshake::party_of(const PeerKey& peer, std::uint64_t owner
 }
 
 /// At a shared tip a log of steps asks for both bits: a station that knows only private ones would mix steps
-/// of two holdings.
+/// of two holdings. With a log every reply confirms steps: none is left out.
 std::uint64_t ServerHandshake::granted(std::uint64_t wanted, std::uint64_t offered) noexcept {
   std::uint64_t bits = wanted & offered;
   const bool shared = (bits & kFeatureSharing) != 0;
   if ((bits & kFeatureStepLog) == 0 || !shared) bits &= ~std::uint64_t{kFeatureSharedLog};
   if (shared && (bits & kFeatureSharedLog) == 0) bits &= ~std::uint64_t{kFeatureStepLog};
+  if ((bits & kFeatureStepLog) != 0) bits &= ~std::uint64_t{kFeatureReplyDeadband};
   return bits;
 }
 

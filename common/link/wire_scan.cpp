@@ -77,7 +77,10 @@ bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size
   return true;
 }
 
-static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kStepsBytesMost <= kMaxPayloadBytes);
+// Where steps are logged, every command is answered: the deadband's two fields are not there.
+constexpr std::size_t kDeadbandBytes = 2 * (2 + 4);
+static_assert(longest_payload(kCommandFields) - kDeadbandBytes + kRecentTagBytes + 2 + kStepsBytesMost <=
+              kMaxPayloadBytes);
 
 /// Whole records, at least one; `at` is behind their length.
 bool fits_recent(std::size_t length, std::size_t at, std::size_t size) noexcept {

@@ -25,8 +25,9 @@ struct DatagramRow {
   std::uint32_t breaks = 0;
   std::uint32_t break_reason = 0;  ///< of a Bye: its own reason (link::ByeReason)
   std::uint64_t epoch = 0;         ///< of a reply or a Welcome; 0 in recordings made before this was written
+  std::uint64_t left_out = 0;      ///< of a reply: those before it in this session that were left out
 };
 
-static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 96);
+static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 104);
 
 }  // namespace telenano::recording

@@ -95,6 +95,7 @@ Handle datagram_type() {
   H5Tinsert(type.get(), "breaks", offsetof(DatagramRow, breaks), H5T_STD_U32LE);
   H5Tinsert(type.get(), "break_reason", offsetof(DatagramRow, break_reason), H5T_STD_U32LE);
   H5Tinsert(type.get(), "epoch", offsetof(DatagramRow, epoch), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "left_out", offsetof(DatagramRow, left_out), H5T_STD_U64LE);
   return type;
 }
 

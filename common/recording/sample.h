@@ -96,6 +96,7 @@ struct Sample {
   Xyz particle_pos_w_nm{};
   double particle_radius_nm = 0;
   std::int64_t particle_state = 0;
+  std::int64_t replies_left_out = 0;
 
   std::uint32_t contact_state = 0;
   std::uint32_t fault_bits = 0;

@@ -117,9 +117,8 @@ std::string doubt_of_surface(const GivenSurface& given, const config::SlaveLimit
     const surface::Scan own = surface::read_gsf(local->scan_path);
     if (own.width_nm != given.scan.width_nm || own.height_nm != given.scan.height_nm) {
       throw UserError(
-          fmt::format("--surface {}: is another scan than the session's: it is {:g} x {:g} nm, and that of "
-                      "the scene '{}' {:g} x "
-                      "{:g} nm; give --surface {}",
+          fmt::format("--surface {}: is not the session's scan: it is {:g} x {:g} nm, and the scan of scene "
+                      "'{}' is {:g} x {:g} nm; give --surface {}",
                       given.path, given.scan.width_nm, given.scan.height_nm, session.scene_name, own.width_nm,
                       own.height_nm, local->scan_path));
     }
@@ -133,9 +132,8 @@ std::string doubt_of_surface(const GivenSurface& given, const config::SlaveLimit
     if (low[axis] >= -kRounding_nm && high[axis] <= reach[static_cast<std::size_t>(axis)] + kRounding_nm)
       continue;
     throw UserError(
-        fmt::format("--surface {}: is another scan than the session's: it reaches from 0 to {:g} nm along "
-                    "{}, and the tip of the scene '{}' from {:g} to {:g} nm; give the scan of that scene, or "
-                    "leave --surface out",
+        fmt::format("--surface {}: is not the session's scan: it reaches from 0 to {:g} nm along {}, and the "
+                    "tip of scene '{}' from {:g} to {:g} nm; give the scan of that scene, or omit --surface",
                     given.path, reach[static_cast<std::size_t>(axis)], axis == 0 ? "x" : "y",
                     session.scene_name, low[axis], high[axis]));
   }

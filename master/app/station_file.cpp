@@ -128,6 +128,10 @@ void read_link(const TomlTable& table, StationFile& file) {
   link::SendGateConfig& gate = file.link.gate;
   gate.deadband_nm = table.number_or("deadband_nm", between(0, 1e6), gate.deadband_nm);
   gate.deadband_n = table.number_or("deadband_n", between(0, 1e3), gate.deadband_n);
+  loop::ReplyDeadbandConfig& replies = file.link.reply_deadband;
+  replies.permille =
+      table.number_or("reply_deadband_permille", between(0, kReplyDeadbandMost_permille), replies.permille);
+  replies.floor_n = table.number_or("reply_deadband_n", between(0, 1), replies.floor_n);
   // A command asks for a reply: without the heartbeat the force would go stale (20 ms) while nothing moves.
   gate.heartbeat_ns =
       ns(table.number_or("heartbeat_ms", between(1, 10), static_cast<double>(gate.heartbeat_ns) * 1e-6));
@@ -289,6 +293,10 @@ std::vector<std::pair<std::string, std::string>> describe_link(const StationFile
   list.emplace_back("link.redundancy", text(file.redundancy));
   list.emplace_back("link.deadband_nm", text(gate.deadband_nm));
   list.emplace_back("link.deadband_n", text(gate.deadband_n));
+  const loop::ReplyDeadbandConfig& replies = file.link.reply_deadband;
+  list.emplace_back("link.reply_deadband", replies.adapts ? "adapts" : "kept");
+  list.emplace_back("link.reply_deadband_permille", text(replies.permille));
+  list.emplace_back("link.reply_deadband_n", text(replies.floor_n));
   list.emplace_back("link.step_pace_ms", text(static_cast<double>(file.link.step_pace_ns) * 1e-6));
   if (gate.enabled())
     list.emplace_back("link.heartbeat_ms", text(static_cast<double>(gate.heartbeat_ns) * 1e-6));
@@ -314,6 +322,9 @@ void finish_station_file(StationFile& file, const std::string& source) {
   rate.adapts = file.send_hz == 0;
   rate.full_hz = rate.adapts ? file.station.rate_hz : file.send_hz;
   rate.redundancy = static_cast<std::size_t>(file.redundancy);
+  loop::ReplyDeadbandConfig& replies = file.link.reply_deadband;
+  replies.adapts = !file.kept_reply_deadband_permille;
+  if (file.kept_reply_deadband_permille) replies.permille = *file.kept_reply_deadband_permille;
   file.link.playout.rate_hz = file.station.rate_hz;
   file.plant.period_s = 1 / file.station.rate_hz;
   file.plant.validate();

@@ -28,6 +28,10 @@ struct Workspaces {
   std::optional<double> nano_nm;
 };
 
+/// What may be missing from a force before a hand notices is about a tenth of it (Weber).
+inline constexpr double kReplyDeadband_permille = 100;
+inline constexpr double kReplyDeadbandMost_permille = 500;
+
 /// Everything that deploy/station.toml may say; what it leaves out keeps its default.
 struct StationFile {
   station::StationConfig station{};
@@ -38,8 +42,10 @@ struct StationFile {
   Workspaces workspaces{};
   DeviceSettings device{};
   PedalSettings pedal{};
-  loop::LinkOptions link{};
-  double send_hz = 0;                    ///< datagrams a second; 0: as many as the link carries
+  loop::LinkOptions link{.reply_deadband = {.permille = kReplyDeadband_permille, .adapts = true}};
+  double send_hz = 0;  ///< datagrams a second; 0: as many as the link carries
+  /// Of replies, kept to whatever the link does; else link.reply_deadband.permille at most, as the link asks for.
+  std::optional<double> kept_reply_deadband_permille;
   int redundancy = 0;                    ///< commands that each datagram repeats, 0 to 4
   std::string companding_tasks = "all";  ///< in which tasks station.companding acts: names and commas, or all
   device::TaskOptions task{};            ///< start_height_nm comes from the session, not from here

@@ -8,11 +8,12 @@
 namespace telenano::device {
 
 void HandTrack::validate(const std::string& source) const {
-  if (points.size() < 2) throw UserError(source + ": no motion of a hand in it, expected two rows at least");
+  if (points.size() < 2)
+    throw UserError(source + ": contains no motion of a hand, expected at least two rows");
   if (points.front().time_s != 0) throw UserError(source + ": its motion does not begin at 0 s");
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!is_finite(points[i].hand_pos_h_m))
-      throw UserError(source + ": row " + std::to_string(i) + ": the hand's position is no finite number");
+      throw UserError(source + ": row " + std::to_string(i) + ": the hand's position is not a finite number");
     if (i > 0 && !(points[i].time_s > points[i - 1].time_s))
       throw UserError(source + ": row " + std::to_string(i) +
                       ": its time is not after that of the row before");

@@ -1,9 +1,11 @@
 #include "telenano/master/loop/station_loop.h"
 
+#include <algorithm>
 #include <span>
 #include <type_traits>
 
 #include "proto/reply_columns.h"
+#include "telenano/common/base/renew.h"
 
 namespace telenano::loop {
 namespace {
@@ -32,6 +34,7 @@ StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, co
       playout_(options.playout),
       gate_(options.gate),
       rate_(options.rate),
+      reply_deadband_(options.reply_deadband),
       limits_rate_(options.rate.full_hz < kEveryTick),
       step_pace_ns_(options.step_pace_ns) {}
 
@@ -86,6 +89,19 @@ bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
   paced_flags_ = command.flags;
   paced_method_ = command.control.method;
   return true;
+}
+
+/// The floor is said at the tip: what is felt of a force there follows the scale.
+link::ReplyDeadband StationLoop::reply_deadband() const noexcept {
+  const double share = !reply_deadband_.adapts ? 1 : records_ ? 0 : rate_.reply_deadband_share();
+  const double permille =
+      std::min(share * reply_deadband_.permille, 1.0 * link::ReplyDeadband::kPermilleMost);
+  if (!(permille >= 1)) return {};
+  const double felt_n_nn = station_.config().scaling.hand_force_n(Vec3::UnitX()).x();
+  const double floor_pn = felt_n_nn > 0 ? 1e3 * share * reply_deadband_.floor_n / felt_n_nn : 0;
+  constexpr double kFloorMost_pn = 1e9;
+  return {static_cast<std::uint32_t>(std::clamp(floor_pn, 0.0, kFloorMost_pn)),
+          static_cast<std::uint32_t>(permille)};
 }
 
 void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept {
@@ -155,7 +171,9 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   if (wants_to_send(now_ns)) {
     const std::int64_t sent_ns = clock_ != nullptr ? clock_->now_ns() : now_ns;
     session_.repeat_at_most(rate_.redundancy());
+    output_.command.reply_deadband = reply_deadband();
     const std::size_t size = session_.make_command(output_.command, sent_ns, buffer_);
+    told_reply_deadband_ = output_.command.reply_deadband;
     if (size > 0) sample.sent_ns = sent_ns;
     if (size > 0) rate_.sent(now_ns);
     send(size);
@@ -204,8 +222,9 @@ void StationLoop::on_event(link::ClientEvent event, std::int64_t came_ns) noexce
   if (event == link::ClientEvent::kWelcome && session_.epoch_changed()) rate_.reset();
   if (event == link::ClientEvent::kReply) {
     const link::LinkStats& stats = session_.stats();
-    rate_.on_reply(came_ns, stats.samples() != rtt_samples_ ? stats.rtt_last_ns() : -1,
-                   session_.reply().command_sequence);
+    rate_.on_reply(
+        came_ns, stats.samples() != rtt_samples_ ? stats.rtt_last_ns() : -1,
+        {session_.reply().command_sequence, session_.reply().sequence, session_.reply().replies_left_out});
     rtt_samples_ = stats.samples();
   }
   if (session_.overtaken_reply() != nullptr) rate_.on_late_reply();
@@ -219,7 +238,7 @@ bool StationLoop::undo_marks(std::int64_t now_ns) noexcept {
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
   const link::Incoming& in = session_.incoming();
   recording::DatagramRow& row = datagrams_[datagram_count_++];
-  row = {};
+  renew(row);
   row.tick = ticks_;
   row.came_ns = came_ns;
   row.type = static_cast<std::uint32_t>(in.type);
@@ -235,6 +254,7 @@ void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
     row.sequence = in.reply.sequence;
     row.answers = in.reply.command_sequence;
     row.steps_before = in.reply.steps_before;
+    row.left_out = in.reply.replies_left_out;
   }
   if (in.type == link::MessageType::kBye) row.break_reason = static_cast<std::uint32_t>(in.bye.reason);
   if (steps == nullptr) return;

@@ -48,6 +48,9 @@ class StationLoop {
   /// That scene, which was asked for, is another one's to begin in: with its Welcome there is no session for this
   /// station any more. 0: none.
   void leave_for_scene(std::uint64_t scene_hash) noexcept { leaves_for_scene_ = scene_hash; }
+  /// What comes is recorded from now on: an adapting deadband for replies is none, so that the forces in the recording
+  /// are the slave's own and have no steps in them. One that a person has asked for stays.
+  void set_records() noexcept { records_ = true; }
   /// For a replay, before a tick: a command goes in exactly those ticks in which one went.
   void send_as_recorded(bool sends) noexcept { sends_ = sends ? Sends::kNow : Sends::kNot; }
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
@@ -65,6 +68,8 @@ class StationLoop {
   const link::Playout& playout() const noexcept { return playout_; }
   const link::SendGate& gate() const noexcept { return gate_; }
   const link::RateControl& rate() const noexcept { return rate_; }
+  /// In the newest command that was sent; zero also where the session has none.
+  const link::ReplyDeadband& told_reply_deadband() const noexcept { return told_reply_deadband_; }
   /// Of the tick that was last.
   const link::LinkQuality& quality() const noexcept { return quality_; }
   /// What came in the tick that was last, for the recording.
@@ -83,6 +88,7 @@ class StationLoop {
   void fetch_snapshot(std::int64_t now_ns) noexcept;
   bool waits_for_scene(std::int64_t now_ns) noexcept;
   bool wants_to_send(std::int64_t now_ns) noexcept;
+  link::ReplyDeadband reply_deadband() const noexcept;
   double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
   void on_event(link::ClientEvent event, std::int64_t came_ns) noexcept;
@@ -102,6 +108,9 @@ class StationLoop {
   link::Playout playout_;
   link::SendGate gate_;
   link::RateControl rate_;
+  ReplyDeadbandConfig reply_deadband_;
+  link::ReplyDeadband told_reply_deadband_;
+  bool records_ = false;
   bool limits_rate_;
   enum class Sends : std::uint8_t { kAsDue, kNow, kNot };
   Sends sends_ = Sends::kAsDue;

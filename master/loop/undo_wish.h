@@ -13,6 +13,7 @@ enum class UndoAnswer : std::uint32_t {
   kDone,
   kRefused,   ///< the tip touches, or there is no stroke to take back
   kNoAnswer,  ///< the server has said nothing; it may have done it
+  kAnothers,  ///< of a shared tip: another session has made the last stroke
 };
 
 /// A person's wish as the protocol has it (PROTOCOL.md, section 16): the flag stays until a command that had it is
@@ -40,7 +41,9 @@ class UndoWish {
   void on_reply(std::uint64_t command_sequence, std::uint32_t fault_bits) noexcept {
     if (first_ == 0 || command_sequence < first_) return;
     if (state_ == State::kAsks) {
-      answer_ = (fault_bits & link::kFaultUndo) != 0 ? UndoAnswer::kRefused : UndoAnswer::kDone;
+      const bool refused = (fault_bits & link::kFaultUndo) != 0;
+      const bool anothers = (fault_bits & link::kFaultUndoAnothers) != 0;
+      answer_ = !refused ? UndoAnswer::kDone : anothers ? UndoAnswer::kAnothers : UndoAnswer::kRefused;
       clear();
     } else if (state_ == State::kClears) {
       state_ = State::kIdle;

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <utility>
 
+#include "telenano/common/base/renew.h"
 #include "telenano/common/control/scaling_plan.h"
 
 namespace telenano::station {
@@ -667,7 +668,7 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
 }
 
 void Station::step(const StationInput& input, double dt_s, StationOutput& output) noexcept {
-  output = {};
+  renew(output);
   faults_ = 0;
   const bool good_tick = dt_s > 0 && std::isfinite(dt_s);
   if (good_tick) {

@@ -31,6 +31,9 @@ enum class TwinEnd : std::uint8_t {
   kRefused       ///< the server's state cannot be had, or is larger than there is room for
 };
 
+/// Of the state of a shared tip that another holds: how soon its marks are seen (TwinRunConfig::look_s of the programs).
+inline constexpr double kLookAgain_s = 0.5;
+
 struct TwinRunConfig {
   double rate_hz = 1000;
   double ring_s = 4;  ///< of steps that may be unconfirmed: twice what may be shown

@@ -55,8 +55,7 @@ void tell_twin(const Badge& badge, const SessionInputs& inputs, std::vector<Mess
         {"The sample here and the server's differ: the server's state is taken up, gently", Mood::kWarning});
   if (inputs.twin == station::TwinState::kGivenUp)
     lines.push_back(
-        {"The server's sample is not what its scene does here, or it does not say: another method until the "
-         "session ends",
+        {"The server's sample differs from its scene here, or is not confirmed: another method from now on",
          badge.mood});
 }
 

@@ -49,7 +49,7 @@ std::vector<std::string> plan_text(const StartPlan& plan, bool shows_force) {
   lines.push_back("Scene: " + plan.scene);
   lines.push_back(fmt::format("Round trip {:.3g} ms, method {}", plan.round_trip_ms, plan.method));
   if (!plan.safe) {
-    lines.emplace_back("No scale is safe for this way and this hand: telenano-master plan says why");
+    lines.emplace_back("No scale is safe for this link and this hand: telenano-master plan says why");
     return lines;
   }
   lines.push_back(fmt::format("{} at the hand for 1 nN at the tip", newtons(plan.felt_per_nn_n)));

@@ -157,7 +157,11 @@ const char* scene_text(SceneText answer) noexcept {
     case SceneText::kAsked:
       return "Going to another sample: the server is asked for it";
     case SceneText::kRefused:
-      return "The server has no place at that sample now: the session goes on at this one";
+      return "The server does not have that sample, or no place at it now: the session goes on at this one";
+    case SceneText::kRate:
+      return "The server takes fewer commands a second at that sample: the session goes on at this one";
+    case SceneText::kShuttingDown:
+      return "The server is shutting down: the session goes on at this sample until it does";
     case SceneText::kNoAnswer:
       return "The server does not answer the wish for another sample: the session goes on at this one";
   }
@@ -173,6 +177,8 @@ const char* undo_text(UndoText answer) noexcept {
       return "The last marks are undone: the sample is as it was before";
     case UndoText::kRefused:
       return "Marks not undone: none are left, or the tip is too near the ground";
+    case UndoText::kAnothers:
+      return "Marks not undone: another operator has made the last ones";
     case UndoText::kNoAnswer:
       return "Marks not undone: the server has not answered";
   }
@@ -180,7 +186,7 @@ const char* undo_text(UndoText answer) noexcept {
 }
 
 std::vector<Message> slave_text(std::uint32_t faults) {
-  constexpr std::array<Fault, 9> kFaults = {{
+  constexpr std::array<Fault, 10> kFaults = {{
       {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
       {link::kFaultRetracted, "The tip has been retracted"},
       {link::kFaultApproaching, "The tip is on its way to the sample: no force until it is there"},
@@ -189,6 +195,7 @@ std::vector<Message> slave_text(std::uint32_t faults) {
       {link::kFaultStepLimit, "Too fast for the slave: the tip follows late"},
       {link::kFaultShare, "More than this session's share of the server: the tip follows late"},
       {link::kFaultUndo, "The last marks were not undone"},
+      {link::kFaultUndoAnothers, "The last marks are another operator's"},
       {link::kFaultNoEquilibrium, "The slave's solver gave up in this step: tip held"},
   }};
   std::vector<Message> messages;

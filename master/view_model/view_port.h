@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 
@@ -20,7 +21,6 @@ namespace telenano::view_model {
 /// What a person at the screen asks of the loop.
 struct ViewRequest {
   enum class Kind : std::uint8_t {
-    kStop,       ///< latched
     kClearStop,  ///< a person has looked
     kMethod,     ///< bumpless
     kScaling,    ///< bumpless; not taken where it would not be safe
@@ -29,9 +29,8 @@ struct ViewRequest {
     kUndo,       ///< the last stroke of marks
     kPractice,   ///< another link to practise on
     kScene,      ///< another sample of the server, within the session
-    kQuit,       ///< end the session
   };
-  Kind kind = Kind::kStop;
+  Kind kind = Kind::kClearStop;
   control::Method method = control::Method::kNone;
   control::Scaling scaling{};
   int task = 0;
@@ -46,13 +45,13 @@ struct ShownContact {
   bool area_known = false;
 };
 
-enum class UndoText : std::uint8_t { kNone, kAsked, kDone, kRefused, kNoAnswer };
+enum class UndoText : std::uint8_t { kNone, kAsked, kDone, kRefused, kNoAnswer, kAnothers };
 struct UndoShown {
   UndoText text = UndoText::kNone;
   std::uint32_t count = 0;  ///< another number: something new
 };
 
-enum class SceneText : std::uint8_t { kNone, kLetsGo, kAsked, kRefused, kNoAnswer };
+enum class SceneText : std::uint8_t { kNone, kLetsGo, kAsked, kRefused, kNoAnswer, kRate, kShuttingDown };
 struct SceneShown {
   SceneText text = SceneText::kNone;
   std::uint32_t count = 0;  ///< likewise
@@ -77,7 +76,10 @@ struct ViewPort {
   rt::LatestValue<UndoShown> undo;       ///< what became of the last wish to take marks back
   rt::LatestValue<SceneShown> scene;     ///< what became of the last wish for another sample
   rt::LatestValue<bool> method_by_link;  ///< the method follows the link: nobody has said which
-  // To the loop.
+  // To the loop. What no queue may be too full for stands beside it: a loop that stood still for a while hears of a STOP
+  // whatever else was asked of it meanwhile.
+  std::atomic<std::uint32_t> stops{0};  ///< STOP was pressed so often; latched
+  std::atomic<bool> quit{false};        ///< the session shall end; never taken back
   rt::SpscQueue<ViewRequest> requests{64};
   rt::SpscQueue<Note> notes{8};
   rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's

@@ -15,9 +15,6 @@ ViewRequestHandler::Asked ViewRequestHandler::answer(station::Station& station) 
   // The queue is short; a screen that goes on filling it must not keep the loop here.
   for (std::size_t i = 0; i < port_.requests.capacity() && port_.requests.pop(request); ++i) {
     switch (request.kind) {
-      case ViewRequest::Kind::kStop:
-        asked.buttons |= device::kButtonStop;
-        break;
       case ViewRequest::Kind::kClearStop:
         station.clear_stop();
         break;
@@ -47,11 +44,14 @@ ViewRequestHandler::Asked ViewRequestHandler::answer(station::Station& station) 
       case ViewRequest::Kind::kUndo:
         asked.undo = true;
         break;
-      case ViewRequest::Kind::kQuit:
-        asked.quit = true;
-        break;
     }
   }
+  // After what was asked before it: a stop that was cleared in the same tick stays.
+  if (const std::uint32_t stops = port_.stops.load(std::memory_order_relaxed); stops != stops_) {
+    stops_ = stops;
+    asked.buttons |= device::kButtonStop;
+  }
+  asked.quit = port_.quit.load(std::memory_order_relaxed);
   return asked;
 }
 

@@ -18,7 +18,7 @@ class ViewRequestHandler {
   /// configuration allows it.
   ViewRequestHandler(ViewPort& port,
                      const std::array<double, control::kAllMethods.size()>& impedance_bound) noexcept
-      : port_(port), impedance_bound_(impedance_bound) {}
+      : port_(port), impedance_bound_(impedance_bound), stops_(port.stops.load()) {}
 
   struct Asked {
     std::uint32_t buttons = 0;  ///< device::ButtonBits, to be or-ed to the device's in this tick
@@ -54,6 +54,7 @@ class ViewRequestHandler {
   ViewPort& port_;
   std::array<double, control::kAllMethods.size()> impedance_bound_;
   std::uint64_t refused_ = 0;
+  std::uint32_t stops_;  // heard of
 };
 
 }  // namespace telenano::view_model

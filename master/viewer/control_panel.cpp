@@ -87,11 +87,21 @@ void ControlPanel::ask(ViewRequest::Kind kind) {
   port_.requests.push(request);
 }
 
+void ControlPanel::stop() noexcept {
+  if (playback_ == nullptr && !ended_) port_.stops.fetch_add(1, std::memory_order_relaxed);
+}
+
+void ControlPanel::quit() noexcept {
+  if (playback_ == nullptr && !ended_) port_.quit.store(true, std::memory_order_relaxed);
+}
+
 std::string ControlPanel::ask_undo(const recording::Sample& now) {
   if (playback_ != nullptr || ended_) return "";
   if (!facts_.can_undo)
     return "No marks to undo: this sample keeps none, or its server cannot take them back";
   if ((now.limit_flags & recording::kLimitObserves) != 0) return "Only who moves the tip can undo its marks";
+  if ((now.fault_bits & link::kFaultRetracted) != 0)
+    return "Marks not undone: the tip is withdrawn, continue first";
   const auto contact = static_cast<link::ContactState>(now.contact_state);
   if (contact == link::ContactState::kContact || contact == link::ContactState::kNonContact)
     return "Marks not undone: lift the tip off the sample first";
@@ -163,7 +173,7 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
     ImGui::PushStyleColor(ImGuiCol_Text, ImVec4(1, 1, 1, 1));
     ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {1.0f, 0.4f, 0.4f, 1});
     ImGui::PushStyleColor(ImGuiCol_ButtonActive, {0.7f, 0.15f, 0.15f, 1});
-    if (ImGui::Button("STOP  (Esc)", {wide, high})) ask(ViewRequest::Kind::kStop);
+    if (ImGui::Button("STOP  (Esc)", {wide, high})) stop();
     ImGui::PopStyleColor(2);
   }
   ImGui::PopStyleColor(2);

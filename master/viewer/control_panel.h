@@ -24,7 +24,10 @@ class ControlPanel {
             const Area& area);
 
   /// Its facts have become those of a session.
-  void begin() noexcept { practice_ = facts_.practice; }
+  void begin() noexcept {
+    if (!facts_.practice || !practice_)
+      practice_ = facts_.practice;  // else the link is as a person has made it
+  }
 
   /// A recording is shown: there is nobody to ask.
   void play(view_model::Playback& playback) noexcept { playback_ = &playback; }
@@ -36,6 +39,8 @@ class ControlPanel {
   void tell_border(double reach_nm) noexcept { reach_nm_ = reach_nm; }
 
   void ask(view_model::ViewRequest::Kind kind);
+  void stop() noexcept;
+  void quit() noexcept;
   /// With a scaling that is safe under it, if the present one is not.
   void ask_method(control::Method method, const recording::Sample& now);
   /// The present scales times these, as far as is safe.

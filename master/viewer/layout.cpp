@@ -13,15 +13,16 @@ Layout layout_of(int width_px, int height_px, double scale, Views views) noexcep
   const int gap = px(std::max(2 * scale, 1.0));
   const int wide = std::max(width_px - panel, 4);
   const int high = std::max(height_px - charts, 4);
-  layout.panel = {wide, 0, width_px - wide, height_px};
+  layout.panel = {wide, 0, std::max(width_px - wide, 1), height_px};
   const int split = views == Views::kBoth ? px(0.6 * wide) : wide;
-  layout.overview = {0, 0, views == Views::kBoth ? split - gap : wide, high};
-  layout.close_up = views == Views::kBoth ? Area{split, 0, wide - split, high} : layout.overview;
+  // A window may be made smaller than there is room for: then what has none is a point or two, and never less.
+  layout.overview = {0, 0, views == Views::kBoth ? std::max(split - gap, 1) : wide, high};
+  layout.close_up = views == Views::kBoth ? Area{split, 0, std::max(wide - split, 1), high} : layout.overview;
   const int margin = px(6 * scale);
-  const int each = (wide - 5 * margin) / 4;
+  const int each = std::max((wide - 5 * margin) / 4, 1);
   for (int i = 0; i < 4; ++i) {
     layout.charts[static_cast<std::size_t>(i)] = {margin + i * (each + margin), high + margin, each,
-                                                  charts - 2 * margin};
+                                                  std::max(charts - 2 * margin, 1)};
   }
   return layout;
 }

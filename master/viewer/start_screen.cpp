@@ -151,7 +151,7 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
     ImGui::EndCombo();
   }
   ImGui::SameLine();
-  quiet(choice.method == "auto" ? "chosen by the way to the server" : "as you say");
+  quiet(choice.method == "auto" ? "chosen by the link to the server" : "as you choose");
   label("First touch");
   ImGui::Checkbox("lead me to it in five steps", &choice.guide);
   label("Recording");

@@ -247,7 +247,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   draw_end();
   draw_note(time_s);
   // After a note that was ended in this very frame.
-  if (std::exchange(leaves_, false)) panel_.ask(ViewRequest::Kind::kQuit);
+  if (std::exchange(leaves_, false)) panel_.quit();
   draw_text(time_s, layout.overview);
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);

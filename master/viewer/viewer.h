@@ -64,6 +64,8 @@ class Viewer {
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
   /// A recording has begun; asked for since the last call.
   void set_recording(const std::string& file) { facts_.recording = file; }
+  /// What is added to the link now; empty: nothing.
+  std::string practice_text() const { return panel_.practice_text(); }
   bool take_record_wanted() noexcept { return panel_.take_record_wanted(); }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }

@@ -57,7 +57,7 @@ void Viewer::draw_help() {
     };
     if (panel_.mouse_leads()) {
       row("left drag, section",
-          "take hold and move the tip along x and z, a nanometre to the picture's nanometre");
+          "take hold and move the tip along x and z, as far as the mouse moves in the picture");
       row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
       row("", "the harder the sample pushes or pulls, the farther the mouse must go against it");
       row("wheel", "tip up or down by 0.5 nm a notch; with Shift 0.1 nm");
@@ -71,19 +71,19 @@ void Viewer::draw_help() {
     }
     row("middle drag, overview", "move the picture");
     row("V", "both pictures, overview, section");
-    row("Z", "the region round the tip, larger; at last the whole again; a click in the map moves it");
-    row("Home", "the first view again");
+    row("Z", "enlarge the region round the tip, in the end the whole again; a click in the map moves it");
+    row("Home", "back to the first view");
     row("P or F12", "picture of this window (PNG)");
-    row("Ctrl + plus, minus, 0", "words larger, smaller, as at first");
+    row("Ctrl + plus, minus, 0", "text larger, smaller, as at first");
     row("F", "force over distance of the last touch, or the charts over time");
     row("D", "that curve, or the profile that is measured, as a table (CSV)");
     row("S", "the surface as it is drawn, with its marks (GSF, for Gwyddion)");
-    row("L", "measure from the tip; again: to the tip; again: no more");
-    row("Ctrl + click, overview", "the same where you point");
+    row("L", "measure from the tip; again: to the tip; a third time: stop");
+    row("Ctrl + click, overview", "measure at the place you point to");
     if (playback_ != nullptr) {
       row("Space", "play, pause");
-      row("Left, Right", "a second back, on; with Shift a hundredth");
-      row("Page up, Page down", "to the mark or event before, after");
+      row("Left, Right", "a second back, forward; with Shift a hundredth");
+      row("Page up, Page down", "to the previous, next mark or event");
       row("Up, Down", "faster, slower");
       row("Ctrl + Q", "close");
     } else {
@@ -91,13 +91,13 @@ void Viewer::draw_help() {
       row("R", "clear the stop, when you have looked");
       row("C held", "clutch: move the hand, the tip stands");
       row("1 … 8", "control method");
-      row("Shift + arrows", "right, left: distances more, less; up, down: forces");
+      row("Shift + arrows", "right, left: larger, smaller distances; up, down: forces");
       if (!facts_.tasks.empty()) row("T", "the next task of the hand: it lets go, goes back, begins");
-      row("Ctrl + R", "a recording from now on");
+      row("Ctrl + R", "record from now on");
       if (facts_.can_undo)
         row("U", "undo the last marks: the sample as it was before the tip touched it last");
-      row("M", "a mark in the recording");
-      row("N", "a note in the recording, at this moment");
+      row("M", "put a mark into the recording");
+      row("N", "put a note into the recording, at this moment");
       row("G", "guide to a first touch");
       row("Ctrl + Q", "end the session");
     }

@@ -33,7 +33,7 @@ void Viewer::handle_keys(double time_s) {
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
   // Stop and the way out always work, whatever has the keyboard.
   if (pressed(GLFW_KEY_ESCAPE)) {
-    panel_.ask(ViewRequest::Kind::kStop);
+    panel_.stop();
     note_box_.close();
   }
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) leaves_ = quit_ = true;
@@ -91,10 +91,13 @@ void Viewer::handle_session_keys(double time_s) {
       panel_.ask(ViewRequest::Kind::kClearStop);
     }
   }
+  const bool ended = !ending_.lines.empty();
   if (pressed(GLFW_KEY_N)) {
     if (facts_.recording.empty()) {
-      say("No recording to put a note into", time_s);
-    } else if (ending_.lines.empty()) {
+      say("No recording: begin one to put a note into it", time_s);
+    } else if (ended) {
+      say("The session has ended: its recording is closed", time_s);
+    } else {
       note_box_.open(live_.now());
     }
   }
@@ -106,7 +109,10 @@ void Viewer::handle_session_keys(double time_s) {
   handle_scaling_keys();
   if (pressed(GLFW_KEY_M)) {
     panel_.ask(ViewRequest::Kind::kMarker);
-    say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
+    say(facts_.recording.empty() ? "No recording: begin one to put a mark into it"
+        : ended                  ? "The session has ended: its recording is closed"
+                                 : "Mark put into the recording",
+        time_s);
   }
   if (pressed(GLFW_KEY_T) && !facts_.tasks.empty()) {
     // The next one that fits, round and round.

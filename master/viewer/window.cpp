@@ -213,9 +213,8 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     if (viewer.again_wanted()) break;
     if (ended && hooks.stop_wanted && hooks.stop_wanted()) break;
     if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
-      view_model::ViewRequest quit;
-      quit.kind = view_model::ViewRequest::Kind::kQuit;
-      asked_to_quit = port.requests.push(quit);
+      port.quit.store(true);
+      asked_to_quit = true;
     }
     if (hooks.changed_ground && time_s > reload_s) {
       reload_s = time_s + (viewer.ground().is_scan() ? kReloadS : kFirstLookS);

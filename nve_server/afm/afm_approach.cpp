@@ -325,7 +325,7 @@ void AfmLogic::touched(std::int64_t now_ns) {
     const double dt_s = 1e-9 * static_cast<double>(touch_ns_ - last_touch_ns_);
     const double rate = (touch_height_nm_ - last_touch_height_nm_) / dt_s;
     if (std::fabs(rate) > config_.drift_max_nm_s) {
-      tell(text("the surface moves by %g nm/s: more than drift", rate));
+      tell(text("the surface moves by %g nm/s, which is too fast for drift", rate));
       return withdraw(Cause::kNoSurface, now_ns);
     }
     surface_.touch(sent_w_nm_.x(), sent_w_nm_.y(), touch_height_nm_, 0, touch_ns_);

@@ -43,10 +43,10 @@ void AfmLogic::on_watched(double value) {
                                          port_->signal_of(0));
     const double deflection = port_->signal_of(free_deflection_nm_);
     if (std::fabs(value - deflection) > tenth)
-      refuse(text(
-          "SafeTip watches another signal than the deflection: it says %g where the deflection is %g: choose "
-          "the deflection in the controller's SafeTip",
-          value, deflection));
+      refuse(
+          text("SafeTip watches another signal than the deflection: it reads %g where the deflection is %g; "
+               "choose the deflection in the controller's SafeTip",
+               value, deflection));
     return;
   }
   if (state_.phase == Phase::kTaring) {
@@ -70,7 +70,7 @@ void AfmLogic::compare_safe_tip(std::int64_t now_ns) {
   }
   refusal_ = text(
       "SafeTip watches another signal than the deflection: as the tip touched, the deflection changed by %g, "
-      "and what SafeTip watches by %g: choose the deflection in the controller's SafeTip (the tip was "
+      "and what SafeTip watches by %g; choose the deflection in the controller's SafeTip (the tip was "
       "withdrawn)",
       deflection, watched);
   withdraw(Cause::kController, now_ns);
@@ -150,10 +150,10 @@ void AfmLogic::checked(Role role, const AfmReading& reading) {
       const double trip_v =
           volts + force_trip_nn() / (config_.spring_constant_n_m * config_.sensitivity_nm_v);
       if (std::fabs(trip_v) > kEnd * config_.range_v)
-        return refuse(
-            file + text(": [limits] force_max_nn: the force limit of %g nN would show as %.4g V, beyond the "
-                        "end of the signal, [signals] range_v %g: lower the one or align the laser",
-                        config_.force_max_nn, trip_v, config_.range_v));
+        return refuse(file +
+                      text(": [limits] force_max_nn: the force limit of %g nN would show as %.4g V, beyond "
+                           "the end of the signal, [signals] range_v %g: lower the limit or align the laser",
+                           config_.force_max_nn, trip_v, config_.range_v));
       return;
     }
     case ReadingKind::kSetpoint: {

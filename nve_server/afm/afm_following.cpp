@@ -143,8 +143,9 @@ void AfmLogic::hold_along(bool told, double& along_nm) {
     state_.held_by_force = true;
     if (!std::exchange(along_told_, true)) {
       tell(
-          text("held along the lever, where no signal shows the force: no further than %.2g nm, nearer than "
-               "%g nm above the ground (along_slope says how steep it is)",
+          text("held along the lever, where no signal shows the force: after %.2g nm the tip goes no further "
+               "while it is nearer than %g nm to the ground (give along_slope if you know how steep the "
+               "sample is)",
                along_rule_.way_nm(), config_.relief_nm));
     }
   }
@@ -241,8 +242,8 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
   } else if (++lateral_repeats_ >= kLateralRepeats && state_.phase == Phase::kFollowing &&
              config_.relief_nm > 0 && !std::exchange(lateral_told_, true)) {
     tell(
-        text("the lateral signal stands still: nearer than %g nm above the ground the tip does not go on "
-             "(relief_nm = 0 does without this signal)",
+        text("the lateral signal stands still: the tip goes no nearer to the ground than %g nm (relief_nm = "
+             "0 works without this signal)",
              config_.relief_nm));
   }
   reading_ns_ = now_ns;

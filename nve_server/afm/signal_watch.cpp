@@ -24,7 +24,7 @@ std::string_view name(SignalFault fault) noexcept {
                                          "it stands at an end of its range",
                                          "it is far noisier than when the tip was free",
                                          "it does not follow the motion of the lever in contact",
-                                         "the lateral signal shows what it should: swapped"};
+                                         "the lateral signal shows what the deflection should: swapped"};
   return kNames[static_cast<std::size_t>(fault)];
 }
 

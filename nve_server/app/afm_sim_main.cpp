@@ -90,7 +90,7 @@ int main(int argc, char** argv) {
   app.add_option("--ports", o.ports,
                  "A range or a list of TCP ports, one client each; 0,0,0,0 takes any free ones")
       ->capture_default_str();
-  app.add_option("--seed", o.rig.seed, "Of noise and random faults")->capture_default_str();
+  app.add_option("--seed", o.rig.seed, "Seed of the noise and the random faults")->capture_default_str();
   app.add_option("--z-sign", o.rig.z_sign, "1: larger Z is away from the sample; -1: towards it")
       ->capture_default_str()
       ->check(CLI::IsMember({1, -1}));
@@ -100,41 +100,46 @@ int main(int argc, char** argv) {
   app.add_option("--range-z-nm", o.rig.range_z_nm, "Range of the piezo along Z")
       ->capture_default_str()
       ->check(CLI::Range(50.0, 1e5));
-  app.add_option("--range-xy-nm", o.rig.range_xy_nm, "and across")
+  app.add_option("--range-xy-nm", o.rig.range_xy_nm, "Range of the piezo along X and Y")
       ->capture_default_str()
       ->check(CLI::Range(50.0, 1e6));
-  app.add_option("--drift-nm-s", o.rig.drift_z_nm_s, "Of the tip's height; negative: towards the sample")
+  app.add_option("--drift-nm-s", o.rig.drift_z_nm_s,
+                 "Drift of the tip's height; negative: towards the sample")
       ->capture_default_str()
       ->check(CLI::Range(-100.0, 100.0));
-  app.add_option("--noise", o.rig.noise_nm_sqrt_hz, "Of the deflection, nm/sqrt(Hz)")
+  app.add_option("--noise", o.rig.noise_nm_sqrt_hz, "Noise of the deflection, nm/sqrt(Hz)")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--creep", o.rig.creep, "Part of a move that comes late")
+  app.add_option("--creep", o.rig.creep, "Creep of the piezo: part of a move that comes late")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 0.2));
-  app.add_option("--thermal-nm", o.rig.thermal_nm, "Slow bending of the lever, peak")
+  app.add_option("--thermal-nm", o.rig.thermal_nm, "Slow bending of the lever with temperature, peak")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 100.0));
-  app.add_option("--setpoint-nn", o.rig.setpoint_nn, "Of the Z controller")
+  app.add_option("--setpoint-nn", o.rig.setpoint_nn, "Set point of the Z controller")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 1e4));
-  app.add_option("--quantum-v", o.rig.quantum_v, "Of the converter: 3.05e-4 is 16 bits over +-10 V; 0: none")
+  app.add_option("--quantum-v", o.rig.quantum_v,
+                 "Step of the converter: 3.05e-4 is 16 bits over +-10 V; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0));
-  app.add_option("--safe-tip-signal", o.rig.safe_tip_signal, "What SafeTip watches; negative: its negative")
+  app.add_option("--safe-tip-signal", o.rig.safe_tip_signal,
+                 "Signal that SafeTip watches; a negative number: with its sign changed")
       ->capture_default_str()
       ->check(CLI::Range(-31, 31));
   app.add_flag("--restrict-roles", o.rig.restrict_roles,
                "Ports take only what suits their role: motion, reads, data, emergency");
-  app.add_flag("--error-alone", o.error_alone, "Error replies without the values, not zero-filled");
+  app.add_flag("--error-alone", o.error_alone,
+               "Send error replies without values, instead of values of zero");
   app.add_option("--fault", o.faults,
                  "'[@TIME] silent TIME', 'reset', 'garbage', 'slow TIME DELAY', 'sensor "
                  "frozen|high|low|noisy|inverted|swapped|good'; may be given more than once")
       ->type_name("TEXT");
-  app.add_option("--faults-per-minute", o.faults_per_minute, "Random faults, from --seed")
+  app.add_option("--faults-per-minute", o.faults_per_minute, "Random faults per minute, drawn from --seed")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 6000.0));
-  app.add_option("--control", o.control_file, "A file: each time it is written, the faults in it happen")
+  app.add_option("--control", o.control_file,
+                 "File of faults: each time it is written, the faults in it happen")
       ->type_name("FILE");
   app.footer(
       "Signals: 0 current, 8 deflection (m), 9 lateral (V), 30 Z (m). Ends on SIGINT or SIGTERM, and says "

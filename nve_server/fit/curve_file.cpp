@@ -236,11 +236,11 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns) {
   const std::size_t width = type == 2 ? 4 : type == 4 ? 8 : 0;
   const std::size_t rows = little(bytes, 132, 4);
   const std::size_t count = little(bytes, 136, 4);
-  if (width == 0) return fail("is an Igor wave of another type than real floating point");
+  if (width == 0) return fail("is an Igor wave whose numbers are not real floating point");
   if (rows < 1 || rows > kPointsMax || count < 2 || count > kColumnsMax || little(bytes, 140, 4) != 0)
     return fail("is an Igor wave, but not of points by 2 to 64 columns: not a force curve");
   const std::size_t data = rows * count * width;
-  if (bytes.size() - kHeader < data) return fail("is cut off: an Igor wave whose numbers are not all there");
+  if (bytes.size() - kHeader < data) return fail("is cut off: numbers of the Igor wave are missing");
   // After the numbers: formula, note, units, labels.
   const std::size_t formula = little(bytes, 8, 4);
   const std::size_t note_size = little(bytes, 12, 4);
@@ -252,7 +252,7 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns) {
   if (formula > rest.size() || note_size > rest.size() - formula ||
       units + label_0 > rest.size() - formula - note_size ||
       label_1 > rest.size() - formula - note_size - units - label_0) {
-    return fail("is cut off: an Igor wave whose note is not all there");
+    return fail("is cut off: a part of the Igor wave's note is missing");
   }
   const std::string_view note = rest.substr(formula, note_size);
   const std::string_view labels = rest.substr(formula + note_size + units + label_0, label_1);
@@ -319,7 +319,7 @@ RawCurve read_curve(std::string_view bytes, const ColumnChoice& columns) {
   if (bytes.starts_with(std::string_view("\5\0", 2))) return read_ibw(bytes, columns);
   if (bytes.starts_with(kHdf5Begin)) return read_hdf5(bytes, columns);
   if (columns.number > 0) {
-    curve.error = "contains one curve only: there is no curve number " + std::to_string(columns.number);
+    curve.error = "contains only one curve: there is no curve number " + std::to_string(columns.number);
     return curve;
   }
   if (bytes.starts_with("\\*Force file list") || bytes.starts_with("\\*File list"))

@@ -101,7 +101,8 @@ CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, d
   }
   if (!best.good) {
     fit.error =
-        "finds no balance of tip and lever for any start: do radius, stiffness and law of the scene fit it?";
+        "cannot be fitted: tip and lever have no balance from any start; check the tip radius, the stiffness "
+        "and the law of the scene";
     return fit;
   }
   // Both move steps of the curve, to which no slope leads from afar. Where the lever leaps over what tells them,
@@ -161,7 +162,7 @@ CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, d
   // By columns of equal size: nm, logarithms and a tilt stand side by side.
   const Vector scale = normal.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
   const Matrix scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Matrix inverse = scaled.completeOrthogonalDecomposition().pseudoInverse();
+  const Matrix inverse = pseudo_inverse(scaled);
   const Matrix covariance = scale.asDiagonal() * inverse * scale.asDiagonal();
 
   // What an error of a calibration does: the fit moves by −(JᵀWJ)⁻¹ JᵀW ∂r.
@@ -250,7 +251,9 @@ CurveFit fit_with_its_leaps(const PreparedCurve& curve, const FitSetup& setup, d
     for (std::size_t b = 0; b < a; ++b) mixed = mixed || std::abs(fit.correlation[a][b]) > 0.9;
   if (mixed && shown.size() > 1) {
     const std::string known = best_known(normal, shown, fit.estimates, fit.reduced);
-    if (!known.empty()) fit.notes.push_back("not each by itself: the combination " + known);
+    if (!known.empty())
+      fit.notes.push_back("the values are known less well one by one than together: the combination " +
+                          known);
   }
 
   const physics::TipSampleParameters law = problem.law(best.p);

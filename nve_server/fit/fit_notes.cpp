@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <sstream>
+
+#include "telenano/nve_server/fit/decompositions.h"
 
 namespace telenano::fit {
 namespace {
@@ -48,7 +51,7 @@ double smooth_floor_nm(const PreparedCurve& curve) {
       for (Eigen::Index k = 2; k < kTerms; ++k) design(i, k) = 2 * t * design(i, k - 1) - design(i, k - 2);
       measured[i] = segment->deflection_nm[at];
     }
-    const Vector left = measured - design * design.colPivHouseholderQr().solve(measured);
+    const Vector left = measured - design * solve_of_any_rank(design, measured);
     squares += left.squaredNorm();
     freedom += static_cast<double>(points - kTerms);
   }
@@ -79,15 +82,15 @@ std::string best_known(const Matrix& normal, const std::vector<int>& shown,
   const Vector scale = theirs.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
   const Matrix scaled = scale.asDiagonal() * theirs * scale.asDiagonal();
   const Matrix left = scale.asDiagonal() * with;
-  const Matrix information = own - left.transpose() * scaled.completeOrthogonalDecomposition().solve(left);
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(information);
-  if (solver.info() != Eigen::Success || !(solver.eigenvalues()[n - 1] > 0)) return {};
-  Vector direction = solver.eigenvectors().col(n - 1);
+  const Matrix information = own - left.transpose() * solve_of_any_rank(scaled, left);
+  const std::optional<EigenPair> best = greatest_eigen_pair(information);
+  if (!best || !(best->value > 0)) return {};
+  Vector direction = best->direction;
   Eigen::Index largest = 0;
   direction.cwiseAbs().maxCoeff(&largest);
   const double factor = direction[largest];
   direction /= factor;
-  const double error = std::sqrt(std::max(reduced, 1.0) / solver.eigenvalues()[n - 1]) / std::abs(factor);
+  const double error = std::sqrt(std::max(reduced, 1.0) / best->value) / std::abs(factor);
   std::string text;
   for (Eigen::Index i = 0; i < n; ++i) {
     if (std::abs(direction[i]) < 0.02) continue;
@@ -99,22 +102,21 @@ std::string best_known(const Matrix& normal, const std::vector<int>& shown,
 
 void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitSetup& setup) {
   const auto say = [&](const std::string& text) { fit.notes.push_back(text); };
-  say("k, K, w and the Hamaker constant scale together: no quasi-static curve tells the lever's stiffness; "
-      "an error "
-      "of it goes straight into all of them");
+  say("k, K, w and the Hamaker constant scale together: no quasi-static curve determines the lever's "
+      "stiffness, and an error in it changes all of them");
   if (setup.law.model == physics::ContactLaw::kHertz || setup.law.model == physics::ContactLaw::kDmt)
-    say("Hertz's shape gives K times the root of R only: an error of R goes into E");
+    say("with this law the curve determines only K times the root of R: an error in R changes E");
   for (const Estimate& e : fit.estimates) {
     if (!e.low || !e.high) {
       say(e.name + " is open " +
           (!e.low && !e.high ? "to both sides"
            : e.low           ? "upwards"
                              : "downwards") +
-          ": the curve has no more to say about it");
+          ": the curve does not bound it");
     }
     if (e.name == "E" && (e.value < 1.01 * setup.modulus_min_gpa || e.value > 0.99 * setup.modulus_max_gpa)) {
-      say("E lies at the end of what a scene takes (" + number(setup.modulus_min_gpa) + " to " +
-          number(setup.modulus_max_gpa) + " GPa): is the tip's radius right?");
+      say("E is at the end of the range that a scene accepts (" + number(setup.modulus_min_gpa) + " to " +
+          number(setup.modulus_max_gpa) + " GPa): check the tip's radius");
     }
     if (e.name == "E" && std::abs(e.sensitivity_invols) > 5) {
       say("E and the deflection sensitivity can hardly be separated on such a stiff sample: 1 % of InvOLS "
@@ -122,43 +124,45 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
           number(std::abs(e.sensitivity_invols)) + " %");
     }
     if (e.name == "R" && fit.lambda > 0 && !(fit.lambda >= 0.1 && fit.lambda <= 5.0)) {
-      say("R is told from K and w for lambda 0.1 to 5 only, here lambda = " + number(fit.lambda) +
-          ": give R instead");
+      say("R can be separated from K and w only for lambda 0.1 to 5, and here lambda = " +
+          number(fit.lambda) + ": give R with --tip-radius-nm");
     }
   }
   if (setup.stiffness_error > 0) {
-    say("the intervals hold the lever's stiffness to within " + number(100 * setup.stiffness_error) +
-        " % (standard deviation)");
+    say("the intervals include the uncertainty of the lever's stiffness, " +
+        number(100 * setup.stiffness_error) + " % (standard deviation)");
   }
   for (const Estimate& e : fit.estimates) {
     if (e.name != "H" || (e.low && e.high)) continue;
-    say("H is told by the attraction before contact: where the tip snaps in, or noise hides it, it is not");
+    say("H follows from the attraction before contact: a snap-in or noise hides it");
   }
   for (const Estimate& e : fit.estimates) {
     if ((e.name != "humidity" && e.name != "film") || (e.low && e.high)) continue;
-    say(e.name + " is told by " +
+    say(e.name + " follows from " +
         (e.name == "film" ? "where the bridge forms on the way in"
                           : "how far the bridge reaches on the way out") +
-        ": a lever that leaps there hides it");
+        ": a lever that jumps there hides it");
   }
   if (curve.deepest_slope > 1.02) {
     say("the deflection grows faster than the base goes down (slope " + number(curve.deepest_slope, 4) +
         "): the deflection's sensitivity is wrong");
   }
   if (setup.law.model != physics::ContactLaw::kHertz && !curve.retract.leap && !curve.approach.leap)
-    say("no leap in either way: w rests on the shape of the contact alone");
+    say("no jump in either direction: w follows from the shape of the contact alone");
   if (fit.rms_nm > 1.2 * fit.noise_nm) {
     say("residuals are " + number(fit.rms_nm / fit.noise_nm) +
-        " times the free part's noise: model or calibration miss something that the intervals do not hold");
+        " times the free part's noise: the model or the calibration misses something, and the intervals do "
+        "not include it");
     const double floor_nm = smooth_floor_nm(curve);
     if (floor_nm > 1.5 * fit.noise_nm) {
-      say("in contact a polynomial of degree 8 through each way leaves " + number(floor_nm / fit.noise_nm) +
-          " times that noise: no smooth law does better, the measurement itself is not as quiet there");
+      say("in contact even a polynomial of degree 8 through each direction leaves " +
+          number(floor_nm / fit.noise_nm) +
+          " times that noise: the measurement itself is noisier there, and no smooth law can fit better");
     }
   }
   if (std::abs(fit.left_correlation) > 0.2)
-    say("residuals go on after the noise's own correlation is taken out (" + number(fit.left_correlation, 2) +
-        ")");
+    say("residuals are still correlated after the noise's own correlation is taken out (" +
+        number(fit.left_correlation, 2) + ")");
 }
 
 }  // namespace telenano::fit

@@ -4,15 +4,11 @@
 #include <optional>
 #include <vector>
 
-#include <Eigen/Dense>
-
 #include "telenano/nve_server/fit/curve_fit.h"
 #include "telenano/nve_server/fit/curve_path.h"
+#include "telenano/nve_server/fit/decompositions.h"
 
 namespace telenano::fit {
-
-using Vector = Eigen::VectorXd;
-using Matrix = Eigen::MatrixXd;
 
 inline constexpr double kLeastDistance_nm = 0.05;  // z0 that a scene takes
 inline constexpr double kGreatestDistance_nm = 2.0;

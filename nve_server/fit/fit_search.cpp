@@ -76,7 +76,7 @@ Found FitSearch::descend(const Vector& start, int iterations, int fixed) {
     for (int k = 0; k < 12 && !better; ++k) {
       Matrix damped = normal;
       damped.diagonal() += damping * normal.diagonal().cwiseMax(1e-12);
-      Vector step = -damped.ldlt().solve(gradient);
+      Vector step = -solve_symmetric(damped, gradient);
       if (!step.allFinite()) break;
       for (int law = 0; law < problem_.at().laws; ++law) step[law] = std::clamp(step[law], -1.5, 1.5);
       Vector trial = (found.p + step).cwiseMax(bounds_.low).cwiseMin(bounds_.high);

@@ -44,8 +44,8 @@ RawCurve read_hdf5(std::string_view bytes, const ColumnChoice& columns) {
   const auto group = curve_group(tree, columns.number);
   if (!group) {
     if (columns.number > 0 && curve_group(tree, 0)) {
-      return fail("has " + std::to_string(curves_in(bytes)) + " curves, and none of number " +
-                  std::to_string(columns.number));
+      return fail("has " + std::to_string(curves_in(bytes)) +
+                  " curves, numbered from 0: there is no curve number " + std::to_string(columns.number));
     }
     return fail(
         "is HDF5 without a force curve of afmformats: expected a group \"0\" with columns like force and "

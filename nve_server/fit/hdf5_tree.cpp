@@ -230,8 +230,9 @@ Hdf5Tree::Hdf5Tree(std::string_view bytes) : bytes_(bytes) {
   in.take(8);
   const std::uint64_t version = in.number(1);
   if (in.good && version > 1) {
-    error_ = "is HDF5 in a layout of newer libraries (superblock " + std::to_string(version) +
-             "), which is not read: write it with h5py's default, or copy it with h5repack --low=0 --high=0";
+    error_ =
+        "is HDF5 in a layout of newer libraries (superblock " + std::to_string(version) +
+        "), which is not supported: write it with h5py's default, or copy it with h5repack --low=0 --high=0";
     return;
   }
   in.take(4);
@@ -246,7 +247,9 @@ Hdf5Tree::Hdf5Tree(std::string_view bytes) : bytes_(bytes) {
   if (!in.good) {
     error_ = "is cut off: HDF5 that ends within its first block";
   } else if (offsets != 8 || lengths != 8 || base != 0) {
-    error_ = "is HDF5 with addresses that are not of 8 bytes from the file's begin: not read";
+    error_ =
+        "is HDF5 in a layout that is not supported: its addresses are not 8 bytes long and counted from the "
+        "beginning of the file";
   }
 }
 
@@ -417,7 +420,7 @@ bool Hdf5Tree::column(Address object, std::size_t most, std::vector<double>& out
   }
   for (const Filter& filter : filters) filters_known = filters_known && filter.id >= 1 && filter.id <= 3;
   if (!filters_known) {
-    why = "is packed in another way than deflate, shuffle and fletcher32";
+    why = "is packed by a filter that is not supported: expected deflate, shuffle or fletcher32";
     return false;
   }
   const auto count = static_cast<std::size_t>(space.count);
@@ -426,7 +429,7 @@ bool Hdf5Tree::column(Address object, std::size_t most, std::vector<double>& out
   const std::uint64_t version = in.number(1);
   const std::uint64_t kind = in.number(1);
   if (version != 3 || kind > 2) {
-    why = "lies in a layout of HDF5 that is not read";
+    why = "is stored in a layout of HDF5 that is not supported";
     return false;
   }
   // No more memory than a few times what there are bytes for: packed ones are at most 1032 times as many.
@@ -448,7 +451,7 @@ bool Hdf5Tree::column(Address object, std::size_t most, std::vector<double>& out
     const std::uint64_t side = in.number(4);
     const std::uint64_t width = in.number(4);
     if (!in.good || sides != 2 || width != type.size || side == 0 || side > most) {
-      why = "has chunks of a size that is not read";
+      why = "has chunks of a size that is not supported";
       return false;
     }
     // Chunks that are not there are zeros, as the library fills them.
@@ -482,7 +485,7 @@ bool Hdf5Tree::column(Address object, std::size_t most, std::vector<double>& out
         const auto stored = part(bytes_, child, little(entry, 4));
         if (!stored || first >= count || first % side != 0 || ++chunks > chunks_max ||
             !unfilter(*stored, filters, little(entry.substr(4), 4), chunk_bytes, type.size, chunk)) {
-          why = "has a damaged chunk, or one that is not all there";
+          why = "has a damaged chunk, or an incomplete one";
           return false;
         }
         const std::size_t to = static_cast<std::size_t>(first) * type.size;

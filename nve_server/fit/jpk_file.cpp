@@ -92,12 +92,12 @@ std::string read_channel(const Archive& archive, const std::string& folder, cons
   const std::string encoder = text_of(all, at + "encoder.type");
   const std::size_t width = encoder == "signedshort" ? 2 : encoder == "signedinteger" ? 4 : 0;
   if (width == 0 || text_of(all, at + "file.format") != "raw")
-    return "has channel " + plain_line(channel) + " encoded in a way that is not read (" +
+    return "has channel " + plain_line(channel) + " encoded in a way that is not supported (" +
            plain_line(encoder) + ")";
   const ZipMember* member = archive.find(folder + text_of(all, at + "file.name"));
   std::string data;
   if (member == nullptr || !unpack(*member, kPointsMax * width, data) || data.size() % width != 0)
-    return "has no whole data of channel " + plain_line(channel);
+    return "has no complete data of channel " + plain_line(channel);
   out.reserve(data.size() / width);
   for (std::size_t i = 0; i + width <= data.size(); i += width) {
     std::uint32_t bits = 0;

@@ -181,7 +181,7 @@ std::string read_halves(std::string_view bytes, const Section& channel, const st
            " points: expected 2 or 4 bytes a point, as in a single force curve (not a force volume)";
   }
   if (*offset > bytes.size() || *length > bytes.size() - *offset)
-    return "is cut off: channel " + plain_line(name) + " is not all there";
+    return "is cut off: channel " + plain_line(name) + " is incomplete";
   lowest = width == 2 ? -32768.0 : -2147483648.0;
   for (std::size_t i = 0; i < 2 * *points; ++i) {
     std::uint32_t bits = 0;

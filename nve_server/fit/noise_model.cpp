@@ -1,11 +1,11 @@
 #include "telenano/nve_server/fit/noise_model.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/fit/decompositions.h"
 
 namespace telenano::fit {
 namespace {
@@ -46,19 +46,18 @@ Likelihood likelihood(const NoiseModel& model, const std::vector<double>& series
   const Whitener whitener(model, none, used);
   const auto n = static_cast<Eigen::Index>(series.size());
   const auto columns = static_cast<Eigen::Index>(design.size());
-  Eigen::MatrixXd x(n, columns);
-  Eigen::VectorXd y(n);
+  Matrix x(n, columns);
+  Vector y(n);
   whitener.apply(series, y.data());
   for (Eigen::Index i = 0; i < columns; ++i)
     whitener.apply(design[static_cast<std::size_t>(i)], x.col(i).data());
-  const Eigen::MatrixXd normal = x.transpose() * x;
-  const Eigen::LDLT<Eigen::MatrixXd> solver(normal);
-  const Eigen::VectorXd beta = solver.solve(x.transpose() * y);
+  Vector pivots;
+  const Vector beta = solve_symmetric(x.transpose() * x, x.transpose() * y, &pivots);
   const double rest = (y - x * beta).squaredNorm();
   const double free =
       static_cast<double>(std::count(used.begin(), used.end(), 1)) - static_cast<double>(columns);
   double determinant = 0;
-  for (const double d : solver.vectorD()) determinant += d > 0 ? det_log(d) : 0.0;
+  for (const double d : pivots) determinant += d > 0 ? det_log(d) : 0.0;
   Likelihood found;
   if (!(free > 0) || !(rest > 0)) return found;
   found.scale = rest / free;

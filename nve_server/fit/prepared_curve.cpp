@@ -250,7 +250,7 @@ void take_signs(PreparedCurve& curve) {
   if (a.z_nm.back() > a.z_nm.front()) {
     for (PreparedSegment* segment : {&curve.approach, &curve.retract})
       for (double& z : segment->z_nm) z = -z;
-    curve.notes.push_back("z grows towards the sample in this file: taken with the other sign");
+    curve.notes.push_back("z grows towards the sample in this file: its sign is changed");
   }
   const std::size_t n = a.z_nm.size();
   const std::size_t tenth = std::max<std::size_t>(n / 20, 5);
@@ -259,8 +259,7 @@ void take_signs(PreparedCurve& curve) {
   if (deepest.slope - farthest.slope > 0) {
     for (PreparedSegment* segment : {&curve.approach, &curve.retract})
       for (double& d : segment->deflection_nm) d = -d;
-    curve.notes.push_back(
-        "deflection falls where the tip is pressed in this file: taken with the other sign");
+    curve.notes.push_back("deflection falls where the tip is pressed in this file: its sign is changed");
   }
 }
 
@@ -295,8 +294,7 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
       curve.invols_nm_v = how.invols_nm_v;
     } else if (!how.invols_from_stiff) {
       curve.error =
-          "has its deflection in nm already and does not say by which sensitivity: --invols-nm-v does not "
-          "fit";
+          "already has its deflection in nm and does not say with which sensitivity: omit --invols-nm-v";
       return curve;
     }
   }
@@ -361,7 +359,8 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   }
   curve.touch_z_nm = find_touch(curve);
   curve.deepest_slope = -line_through(a.z_nm, a.deflection_nm, n - tenth, n).slope;
-  if (count < 50) curve.notes.push_back("fewer than 50 points without force: the noise is hardly known");
+  if (count < 50)
+    curve.notes.push_back("fewer than 50 points without force: the noise is known only roughly");
   const double rise =
       a.deflection_nm.back() - curve.offset_nm[0] - curve.tilt[0] * (a.z_nm.back() - curve.z_middle_nm);
   if (!(rise > kStandsOut * curve.noise_nm) && !a.leap && !curve.retract.leap)

@@ -1,6 +1,6 @@
 #include "telenano/nve_server/fit/thermal_spectrum.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +9,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/decompositions.h"
 #include "telenano/nve_server/fit/text_table.h"
 
 namespace telenano::fit {
@@ -103,7 +104,7 @@ void read_series(const std::vector<double>& time_s, const std::vector<double>& v
   for (std::size_t i = 0; i < n; ++i) {
     // Times are written with few digits: a step is one to within half of it.
     if (std::abs(time_s[i] - time_s[0] - step_s * static_cast<double>(i)) > 0.5 * step_s) {
-      spectrum.error = "has steps of time that are not equal, at value " + std::to_string(i + 1);
+      spectrum.error = "has unequal steps of time, at value " + std::to_string(i + 1);
       return;
     }
   }
@@ -363,7 +364,7 @@ ThermalStiffness stiffness_of(const Spectrum& spectrum, const ThermalSetup& setu
   if (!(oscillator.q > 0.31) ||
       !(oscillator.f0 > 0.5 * peak.frequency_hz && oscillator.f0 < 1.5 * peak.frequency_hz) ||
       !(oscillator.resonance(oscillator.f0) > 2.0 * oscillator.b)) {
-    return fail("shows no resonance that stands out of its noise: is the band right? (--thermal-band-hz)");
+    return fail("shows no resonance above its noise: check --thermal-band-hz");
   }
   if (oscillator.q < 10 && !setup.low_hz && !setup.high_hz) {
     // So broad a peak and its floor are told apart by what is beside it.
@@ -388,11 +389,10 @@ ThermalStiffness stiffness_of(const Spectrum& spectrum, const ThermalSetup& setu
   found.points = band.f.size();
   found.averages = std::max(1.0, static_cast<double>(band.f.size()) / std::max(scatter, 1e-12));
   if (near_peak < 3)
-    return fail("has fewer than three values across its resonance: longer series or finer spectrum");
+    return fail("has fewer than three values across its resonance: give a longer series or a finer spectrum");
   found.scatter_at_peak = at_peak / near_peak;
   // ln⟨z²⟩ = ln A + ln f0 + ln Q + const.
-  const Eigen::Matrix4d covariance =
-      (found.averages * normal).completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::Matrix4d covariance = pseudo_inverse(found.averages * normal);
   const Eigen::Vector4d share{1, 1, 1, 0};
   found.relative_error = std::sqrt(std::max(0.0, share.dot(covariance * share)));
   found.frequency_hz = oscillator.f0;
@@ -401,7 +401,7 @@ ThermalStiffness stiffness_of(const Spectrum& spectrum, const ThermalSetup& setu
   found.mean_square_nm2 = 0.5 * kPi * oscillator.a * oscillator.f0 * oscillator.q;
   found.stiffness_n_m = setup.share * kBoltzmann_aj_k * setup.temperature_k / found.mean_square_nm2;
   if (!std::isfinite(found.stiffness_n_m) || !(found.stiffness_n_m > 0))
-    return fail("shows no resonance whose mean square is a number");
+    return fail("shows no resonance with a finite mean square: check --thermal-band-hz");
   return found;
 }
 

@@ -165,10 +165,10 @@ void list_model_errors(const Scene& scene, SceneSummary& summary) {
   if (const auto* fields = dynamic_cast<const physics::ScanFields*>(&scene.potential->fields())) {
     const double foot = std::sqrt(radius * fields->rule().finest_nm);
     if (scene.ground.spacing_nm > foot) {
-      all.push_back(line(
-          "samples %.3g nm apart, the contact at pull-off feels %.3g nm: what is finer than the samples is "
-          "the spline's, not the ground's",
-          scene.ground.spacing_nm, foot));
+      all.push_back(
+          line("the samples are %.3g nm apart, and the contact at pull-off averages over %.3g nm: detail "
+               "between the samples comes from the spline, not from the ground",
+               scene.ground.spacing_nm, foot));
     }
   }
 }
@@ -184,11 +184,11 @@ void warn_of_bridge(const Scene& scene, SceneSummary& summary) {
   const double dry = scene.law_parameters.work_of_adhesion_n_m;
   std::vector<std::string>& warnings = summary.warnings;
   if (!(dry - liquid > 0)) {
-    warnings.push_back(line(
-        "work of adhesion and contact angles contradict each other: under the liquid w - 2 gamma c = "
-        "%.3g - %.3g = %.3g J/m2 would be left, less than nothing; %g J/m2 is taken. Give larger angles, "
-        "or [contact] work_of_adhesion_j_m2",
-        dry, liquid, dry - liquid, law.media().wet.work_of_adhesion_n_m()));
+    warnings.push_back(
+        line("work of adhesion and contact angles contradict each other: under the liquid w - 2 gamma c = "
+             "%.3g - %.3g = %.3g J/m2 would be negative; %g J/m2 is used instead. Give larger angles, or "
+             "[contact] work_of_adhesion_j_m2",
+             dry, liquid, dry - liquid, law.media().wet.work_of_adhesion_n_m()));
   }
   const physics::Capillary& bridge = law.long_range().capillary();
   if (!bridge.active()) {
@@ -201,9 +201,8 @@ void warn_of_bridge(const Scene& scene, SceneSummary& summary) {
   const double radius = scene.probe.tip_radius_nm;
   if (!forms_in_contact(law, radius)) {
     warnings.push_back(
-        "no liquid bridge forms in contact: there the contact with liquid round it would hold more energy "
-        "than "
-        "the dry one, so that what forms, forms where the adsorbed films meet (film_nm)");
+        "no liquid bridge forms in contact: with liquid round it the contact would have more energy than "
+        "without; bridges form only where the adsorbed films meet (film_nm)");
   }
   if (!(bridge.kelvin_radius_nm() > 0)) return;
   const double stress = water.surface_tension_n_m / bridge.kelvin_radius_nm();
@@ -213,8 +212,8 @@ void warn_of_bridge(const Scene& scene, SceneSummary& summary) {
   const double error = 1.0 - 0.5 * pull_off;
   if (error > kMeniscusError) {
     warnings.push_back(
-        line("the meniscus would deform this sample (its own lambda is %.3g): the law holds its force "
-             "constant in contact, up to %.0f %% too much",
+        line("the meniscus would deform this sample (the lambda of the meniscus is %.3g): the law keeps its "
+             "force constant in contact, which is up to %.0f %% too much",
              lambda, 100.0 * (2.0 / pull_off - 1.0)));
   }
 }
@@ -225,7 +224,7 @@ void warn(const Scene& scene, SceneSummary& summary) {
   const double widest = std::max(summary.unloaded_radius_nm, summary.radius_at_limit_nm);
   if (widest > kHalfSpaceRatio * radius) {
     warnings.push_back(
-        line("contact radius over tip radius reaches %.3g > %g: half-space contact theory is formal there",
+        line("contact radius over tip radius reaches %.3g > %g: half-space contact theory is not valid there",
              widest / radius, kHalfSpaceRatio));
   }
   const double pressure = summary.pressure_at_limit_gpa;
@@ -233,8 +232,8 @@ void warn(const Scene& scene, SceneSummary& summary) {
   const double ideal = kTheoreticalYield * scene.sample.youngs_modulus_gpa;
   if (scene.marks && pressure > scene.marks->hardness_gpa) {
     warnings.push_back(
-        line("mean pressure at the force limit would be %.3g GPa, above the hardness of %g GPa: the "
-             "sample yields before, and marks stay",
+        line("mean pressure at the force limit would be %.3g GPa, above the hardness of %g GPa: the sample "
+             "yields before that, and marks stay",
              pressure, scene.marks->hardness_gpa));
   } else if (!scene.marks && !rubber && pressure > ideal) {
     warnings.push_back(
@@ -254,15 +253,15 @@ void warn(const Scene& scene, SceneSummary& summary) {
   }
   if (scene.ground.spacing_nm > 0 && kSamplesPerRadius * scene.ground.spacing_nm > radius) {
     warnings.push_back(
-        line("the tip (radius %g nm) is under-sampled by the surface's spacing of %.3g nm: it would feel "
-             "what lies between the samples",
+        line("for the tip (radius %g nm) the surface's spacing of %.3g nm is too coarse: it would feel "
+             "interpolated ground between the samples",
              radius, scene.ground.spacing_nm));
   }
   if (summary.pull_off_high_nn > scene.limits.force_max_nn) {
-    warnings.push_back(line(
-        "where the sample is flattest against the tip it lets go at %.4g nN, above force_max_nn = %g: there "
-        "the tip could not let go",
-        summary.pull_off_high_nn, scene.limits.force_max_nn));
+    warnings.push_back(
+        line("where the sample fits the tip best, the pull-off is %.4g nN, above force_max_nn = %g: the tip "
+             "could not come off there",
+             summary.pull_off_high_nn, scene.limits.force_max_nn));
   }
   const auto& length = scene.probe.length_nm;
   const double range = length ? kLinearPart * *length : kOpticalRange_nm;

@@ -36,6 +36,12 @@ class PortAccount {
     out_aj_ += came_out_aj;
   }
 
+  /// For who replays a session, and knows what it had said.
+  void set(double in_aj, double out_aj) noexcept {
+    in_aj_ = in_aj;
+    out_aj_ = out_aj;
+  }
+
   double in_aj() const noexcept { return in_aj_; }
   double out_aj() const noexcept { return out_aj_; }
 

@@ -168,7 +168,7 @@ Server::Server(const ServerConfig& config, std::vector<ServedScene> scenes)
       scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
   behind_.reserve(table_.capacity());
   if (shared()) {
-    if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
+    if (search_.has_others()) throw UserError("--share one-tip works with one worker: leave --workers at 1");
     make_tip(0, 0, 0);
     return;
   }
@@ -444,7 +444,6 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
 
   link::Reply reply;
   reply.session_id = session.session_id;
-  reply.sequence = ++session.reply_sequence;
   reply.command_sequence = command.sequence;
   reply.command_send_time_ns = command.send_time_ns;
   reply.epoch = session.epoch;
@@ -466,8 +465,16 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);
   reply.measurement_age_ns = age_of_force_ns(tip.output, moves ? 0 : sent_ns - tip.last_step_ns);
   if (clock != nullptr) service_.add(sent_ns - now_ns);
-  session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;
+  if ((session.feature_bits & link::kFeatureReplyDeadband) != 0) {
+    if (!record.replies.wants(reply, command, session.spacing_s)) {
+      ++counters_.left_out;
+      return 0;
+    }
+    reply.replies_left_out = record.replies.left_out();
+  }
+  reply.sequence = ++session.reply_sequence;
+  session.peer_stats.on_reply(reply.sequence, sent_ns);
   return codec_.encode(reply, out);
 }
 

@@ -106,7 +106,8 @@ struct ServerConfig {
 
 struct ServerCounters {
   std::uint64_t datagrams = 0;
-  std::uint64_t exchanges = 0;  ///< commands answered
+  std::uint64_t exchanges = 0;  ///< commands accepted: answered, or
+  std::uint64_t left_out = 0;   ///< within the deadband of their session
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
@@ -127,6 +128,7 @@ struct ServerCounters {
   void add(const ServerCounters& more) noexcept {
     datagrams += more.datagrams;
     exchanges += more.exchanges;
+    left_out += more.left_out;
     opened += more.opened;
     resumed += more.resumed;
     timed_out += more.timed_out;
@@ -175,13 +177,19 @@ class Server {
   /// and knows what each datagram had executed.
   void set_steps_at_once(std::size_t most) noexcept { config_.steps_at_once = most; }
   /// Likewise (server_replay.cpp): steps of this session that have come, however many, without a datagram;
-  void bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns) noexcept;
+  void bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns,
+                   std::uint32_t hold = 0) noexcept;
+  /// the shared tip is this session's, if nobody has it;
+  void hold_tip(std::uint64_t session_id, std::int64_t now_ns) noexcept;
   /// up to `most` of them are made now;
   void make_steps(std::uint64_t session_id, std::size_t most, std::int64_t now_ns) noexcept;
   /// the slave is in this state (slave::Slave::save), after the steps of `log`, of which `last` is the last
-  /// one (null: not known). False: it is no such state; then the slave is as a new one.
+  /// one (null: not known), `others`: of a shared tip that another session has moved last. False: it is no such
+  /// state; then the slave is as a new one;
   bool take_up(std::uint64_t session_id, std::span<const std::uint8_t> state, const link::StepReport& log,
-               const link::LoggedStep* last) noexcept;
+               const link::LoggedStep* last, bool others = false) noexcept;
+  /// this session's part of a shared tip's account, which no state holds.
+  void set_account(std::uint64_t session_id, double in_aj, double out_aj) noexcept;
 
   /// So many commands were answered in so much processor time of the loop.
   void note_load(std::int64_t taken_ns, std::uint64_t exchanges) noexcept { load_.note(taken_ns, exchanges); }

@@ -242,27 +242,33 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   return tip.output.work;
 }
 
+/// Of a shared tip the marks are many people's: who operates takes back what it made itself, and nothing that
+/// another has marked since; who administers, whatever was marked last.
 std::uint32_t Server::undo(std::size_t slot, const link::Command& command) noexcept {
   if ((table_[slot].feature_bits & link::kFeatureUndo) == 0) return 0;
   SessionRecord& record = records_[slot];
   const bool asks = (command.flags & link::kFlagUndo) != 0;
   const bool begins = asks && !record.undo_asked;
   record.undo_asked = asks;
-  if (!asks) record.undo_refused = false;
-  if (begins) {
-    Tip& tip = tip_of(slot);
-    const slave::SlaveOutput last = tip.output;
-    const bool may = standing_.rights >= net::Rights::kOperate && is_anchored(slot, command.tip_hold) &&
-                     (last.fault_bits & link::kFaultRetracted) == 0;
-    record.undo_refused = !may || tip.slave->undo_marks(tip.output) != slave::UndoResult::kDone;
-    if (!record.undo_refused) {
-      if (shared()) record.account.add(last, tip.output);
-      if (record.steps.enabled()) record.steps.declare_break(link::kBreakUndo);
-      record.changed = true;
-      ++counters_.undone;
-    }
+  if (!asks) record.undo_faults = 0;
+  if (!begins) return record.undo_faults;
+  Tip& tip = tip_of(slot);
+  const slave::SlaveOutput last = tip.output;
+  const bool may = standing_.rights >= net::Rights::kOperate && is_anchored(slot, command.tip_hold) &&
+                   (last.fault_bits & link::kFaultRetracted) == 0;
+  const bool own = shared() && standing_.rights < net::Rights::kAdminister;
+  const auto result =
+      may ? tip.slave->undo_marks(own ? record.opening : 0, tip.output) : slave::UndoResult::kTouches;
+  if (result != slave::UndoResult::kDone) {
+    record.undo_faults = link::kFaultUndo;
+    if (result == slave::UndoResult::kAnothers) record.undo_faults |= link::kFaultUndoAnothers;
+    return record.undo_faults;
   }
-  return record.undo_refused ? std::uint32_t{link::kFaultUndo} : 0;
+  if (shared()) record.account.add(last, tip.output);
+  if (record.steps.enabled()) record.steps.declare_break(link::kBreakUndo);
+  record.changed = true;
+  ++counters_.undone;
+  return 0;
 }
 
 /// Beyond the session's share, and where a newer command waits, a command moves nothing: its place is in the

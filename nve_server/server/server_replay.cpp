@@ -11,10 +11,16 @@ std::size_t Server::logging_slot(std::uint64_t session_id) noexcept {
   return logs ? slot : link::SessionTable::kNone;
 }
 
-void Server::bring_steps(std::uint64_t session_id, const link::StepBatch& steps,
-                         std::int64_t now_ns) noexcept {
+void Server::bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns,
+                         std::uint32_t hold) noexcept {
   const std::size_t slot = logging_slot(session_id);
-  if (slot != link::SessionTable::kNone) records_[slot].steps.take(steps, now_ns);
+  if (slot != link::SessionTable::kNone) records_[slot].steps.take(steps, now_ns, hold);
+}
+
+void Server::hold_tip(std::uint64_t session_id, std::int64_t now_ns) noexcept {
+  const std::size_t slot = logging_slot(session_id);
+  if (slot == link::SessionTable::kNone || !shared()) return;
+  if (holder_.on_command(slot, net::Rights::kOperate, 0, now_ns)) tips_[0].moved_by = slot;
 }
 
 void Server::make_steps(std::uint64_t session_id, std::size_t most, std::int64_t now_ns) noexcept {
@@ -23,7 +29,7 @@ void Server::make_steps(std::uint64_t session_id, std::size_t most, std::int64_t
 }
 
 bool Server::take_up(std::uint64_t session_id, std::span<const std::uint8_t> state,
-                     const link::StepReport& log, const link::LoggedStep* last) noexcept {
+                     const link::StepReport& log, const link::LoggedStep* last, bool others) noexcept {
   const std::size_t slot = logging_slot(session_id);
   if (slot == link::SessionTable::kNone) return false;
   Tip& tip = tip_of(slot);
@@ -33,7 +39,13 @@ bool Server::take_up(std::uint64_t session_id, std::span<const std::uint8_t> sta
   tip.last_target_w_nm = last != nullptr ? link::target_w_nm(*last) : tip.output.commanded_pos_w_nm;
   tip.at_rest = false;
   records_[slot].steps.go_on_after(log);
+  if (others) records_[slot].account.take_over(tip.output);
   return true;
+}
+
+void Server::set_account(std::uint64_t session_id, double in_aj, double out_aj) noexcept {
+  const std::size_t slot = logging_slot(session_id);
+  if (slot != link::SessionTable::kNone) records_[slot].account.set(in_aj, out_aj);
 }
 
 }  // namespace telenano::server

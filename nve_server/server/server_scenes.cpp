@@ -104,7 +104,8 @@ bool Server::switch_scene(std::size_t slot, std::size_t scene, std::uint64_t non
   record.steps = {};
   record.steps_before = {};
   record.last_control = {};
-  record.undo_asked = record.undo_refused = false;
+  record.undo_asked = false;
+  record.undo_faults = 0;
   record.behind_s = 0;
   record.command_flags = 0;
   begin_log(slot);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "telenano/common/link/reply_gate.h"
 #include "telenano/common/link/session_table.h"
 #include "telenano/common/link/snapshot.h"
 #include "telenano/common/link/step_log.h"
@@ -41,6 +42,7 @@ struct SessionRecord {
   std::uint32_t audited_faults = 0;     ///< of the slave, since the last event
   std::int64_t audited_ns = INT64_MIN;  ///< when that was
 
+  link::ReplyGate replies;  ///< which of them are left out
   PortControl control;
   PortAccount account;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;
@@ -48,7 +50,7 @@ struct SessionRecord {
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session
   link::PortControl last_control;  ///< of the newest command: that of steps which come to their turn later
   bool undo_asked = false;         ///< by the newest command: link::kFlagUndo,
-  bool undo_refused = false;       ///< and nothing was taken back
+  std::uint32_t undo_faults = 0;   ///< and these say that nothing was taken back
   bool operates = true;            ///< the right of the newest command
   WorkBudget work;
   std::size_t party = 0;                    ///< place of its party's budget, if that is still there

@@ -7,6 +7,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/renew.h"
 #include "telenano/nve_server/slave/state_fields.h"
 
 namespace telenano::slave {
@@ -407,6 +408,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     return;
   }
   dt_s = std::clamp(dt_s, kShortestStep_s, kLongestStep_s);
+  sample_.set_maker(input.opening);
   std::uint32_t faults = 0;
   Vec3 goal = port().commanded_w_nm;
   double speed = scene_->limits.speed_max_nm_s;
@@ -467,7 +469,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
   if (input.wants_model) {
     output.model = model_.of(port().solution, port().commanded_w_nm);
   } else {
-    output.model = {};
+    renew(output.model);
   }
 }
 
@@ -483,8 +485,10 @@ bool is_off(const physics::TipSolution& solution, const physics::PotentialState&
 /// The tip is balanced anew where its commanded end is, as if it had come from far away; where it would then touch,
 /// all is as it was. What is stored there may be another energy than before: more is charged though the port did not
 /// bring it, less is lost, so that the sum of the charges is at least what is stored, as ever.
-UndoResult NveSlave::undo_marks(SlaveOutput& output) noexcept {
+UndoResult NveSlave::undo_marks(std::uint64_t of, SlaveOutput& output) noexcept {
   if (!limits_.keeps_marks) return UndoResult::kNothing;
+  const std::uint64_t maker = sample_.stroke_maker();
+  if (of != 0 && maker != 0 && maker != of) return UndoResult::kAnothers;
   if (!is_off(port().solution, port().potential)) return UndoResult::kTouches;
   if (!sample_.exchange_stroke()) return UndoResult::kNothing;
   Port from = port();

@@ -113,7 +113,7 @@ class NveSlave final : public Slave {
     return true;
   }
 
-  UndoResult undo_marks(SlaveOutput& output) noexcept override;
+  UndoResult undo_marks(std::uint64_t of, SlaveOutput& output) noexcept override;
 
   /// Of the last step; 0: no contact, and beside a particle.
   double contact_radius_nm() const noexcept {

@@ -34,8 +34,9 @@ struct SlaveInput {
 /// What became of the wish to take back the last stroke of marks.
 enum class UndoResult : std::uint8_t {
   kDone,
-  kTouches,  ///< the tip touches, or would: lift it first
-  kNothing,  ///< there is no stroke to take back, or it is too long ago, or too large
+  kTouches,   ///< the tip touches, or would: lift it first
+  kNothing,   ///< there is no stroke to take back, or it is too long ago, or too large
+  kAnothers,  ///< the last stroke is not of who asks
 };
 
 /// SlaveOutput::measurement_age_ns of a slave that measures, but has not measured yet.
@@ -106,9 +107,12 @@ class Slave {
   virtual bool say_again(SlaveOutput& /*output*/) noexcept { return false; }
   virtual std::size_t snapshot_bytes_max() const noexcept { return 0; }
   /// The sample as it was before the last stroke of marks, from touching to parting; the tip stays where it is, and
-  /// nobody is given energy for it. `output` as if a step had been made without moving. Else nothing has changed.
+  /// nobody is given energy for it. `of`: only if that stroke was made by this session (SlaveInput::opening);
+  /// 0: whoever made it. `output` as if a step had been made without moving. Else nothing has changed.
   /// Never throws, waits or allocates.
-  virtual UndoResult undo_marks(SlaveOutput& /*output*/) noexcept { return UndoResult::kNothing; }
+  virtual UndoResult undo_marks(std::uint64_t /*of*/, SlaveOutput& /*output*/) noexcept {
+    return UndoResult::kNothing;
+  }
   /// The sample's heights as steps leave them, for threads that only look; null: no marks stay in it.
   virtual std::shared_ptr<const surface::HeightView> heights() const { return nullptr; }
 };

@@ -51,6 +51,12 @@ class TouchedSample {
   /// Whether the last trial balanced the particle together with the tip, which takes longer.
   bool balances_particle() const noexcept { return particle_ && !particle_->trial_alone; }
 
+  /// MarkedPotential::set_maker() and stroke_maker().
+  void set_maker(std::uint64_t maker) noexcept {
+    if (marked_) marked_->set_maker(maker);
+  }
+  std::uint64_t stroke_maker() const noexcept { return marked_ ? marked_->stroke_maker() : 0; }
+
   /// MarkedPotential::exchange_stroke() and keep_undone(); false: there is nothing to take back.
   bool exchange_stroke() noexcept { return marked_ && marked_->exchange_stroke(); }
   void keep_undone() noexcept { marked_->keep_undone(); }

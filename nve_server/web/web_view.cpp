@@ -168,7 +168,7 @@ struct WebView::Impl {
       owner.live.erase(shared_from_this());
     }
     Impl& owner;
-    websocket::stream<Tcp::socket> socket;
+    websocket::stream<Tcp::socket, false> socket;  // without compression, which nobody is offered
     beast::flat_buffer in;
     bool open = false;
     bool busy = false;

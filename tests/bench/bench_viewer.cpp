@@ -1,4 +1,4 @@
-// Frames of the viewer without a display: a scan of 256 × 256 or 1024 × 1024, what a session of 10 s leaves in the charts,
+// Frames of the viewer without a display, up to a window of 4K: a scan of 256 × 256 or 1024 × 1024, what a session of 10 s leaves in the charts,
 // and a tip that moves in every frame. Rendered on whatever EGL gives, llvmpipe where there is no graphics
 // card.
 #include <benchmark/benchmark.h>
@@ -21,7 +21,8 @@ void BM_Frame(benchmark::State& state) {
   const viewer::OffscreenContext context;
   view_model::ViewPort port;
   viewer::Viewer shown(support::view_facts(),
-                       view_model::Ground(support::view_scan(static_cast<int>(state.range(2)))), port, 1);
+                       view_model::Ground(support::view_scan(static_cast<int>(state.range(2)))), port,
+                       static_cast<float>(state.range(3)));
   const int width_px = static_cast<int>(state.range(0));
   const int height_px = static_cast<int>(state.range(1));
   const viewer::Canvas canvas(width_px, height_px, 0);
@@ -58,10 +59,12 @@ void BM_Frame(benchmark::State& state) {
   state.counters["frames_per_s"] = 1e3 / at(0.5);
 }
 BENCHMARK(BM_Frame)
-    ->ArgNames({"wide", "high", "scan"})
-    ->Args({800, 600, 256})
-    ->Args({1280, 800, 256})
-    ->Args({1280, 800, 1024})
+    ->ArgNames({"wide", "high", "scan", "scale"})
+    ->Args({800, 600, 256, 1})
+    ->Args({1280, 800, 256, 1})
+    ->Args({1280, 800, 1024, 1})
+    ->Args({3840, 2160, 256, 1})
+    ->Args({3840, 2160, 256, 2})
     ->Unit(benchmark::kMillisecond)
     ->MinTime(3)
     ->UseRealTime();

@@ -25,6 +25,7 @@ struct Said {
   std::uint32_t epoch = 0;
   std::uint64_t reply = 0;
   std::uint64_t command = 0;
+  std::uint64_t left_out = 0;
   double energy_in_aj = 0;
   double energy_out_aj = 0;
 };
@@ -177,6 +178,8 @@ class World {
       c.control.wave_energy_aj = energy_j_;
       c.control.wave_impedance_n_s_m = 1e-3;
     }
+    // By the two bits that the flags leave: none, everything, and the usual.
+    if ((kind & 0x80) != 0) c.reply_deadband = {(kind & 0x40) != 0 ? 4'000'000'000u : 10u, 100};
     const std::uint64_t sent = station.commands_sent();
     const bool alive = station.has_session();
     const std::size_t n = station.make_command(c, now_ns_, out_);
@@ -225,6 +228,7 @@ class World {
                       before.exchanges + before.opened + before.resumed + before.ended + before.switched;
     FUZZ_CHECK(dropped == 1 ? !used : used || n > 0);
     FUZZ_CHECK(n <= link::kMaxDatagramBytes);
+    FUZZ_CHECK(after.left_out - before.left_out <= (n == 0 ? after.exchanges - before.exchanges : 0));
     if (n == 0) return false;
     const auto kind = heard(std::span(out_).first(n));
     // To somebody who has not shown a cookie never more than came.
@@ -255,6 +259,9 @@ class World {
     Said& last = at->second;
     FUZZ_CHECK(in_.reply.epoch == last.epoch);
     FUZZ_CHECK(in_.reply.sequence == last.reply + 1);
+    FUZZ_CHECK(in_.reply.replies_left_out >= last.left_out &&
+               in_.reply.replies_left_out <= in_.reply.command_sequence - in_.reply.sequence);
+    last.left_out = in_.reply.replies_left_out;
     FUZZ_CHECK(in_.reply.command_sequence > last.command);
     FUZZ_CHECK(in_.reply.energy_in_aj >= last.energy_in_aj && in_.reply.energy_out_aj >= last.energy_out_aj);
     last.reply = in_.reply.sequence;

@@ -27,6 +27,7 @@ opening = tick() * 8
 put("session", "ticks", opening * 4)
 put("session", "wave", opening + tick(kind=0x4B) * 20)
 put("session", "model", opening + tick(kind=0x6B) * 20)
+put("session", "replies_left_out", opening + tick(kind=0x83) * 12 + tick(kind=0x83, z=0xE0) * 4 + tick(kind=0xC3, z=5) * 8 + tick() * 2)
 put("session", "two_stations", b"".join(tick(station=i % 2, address=i % 2) for i in range(40)))
 put("session", "third_finds_it_full", opening + tick(station=1, address=1) * 8 + bytes([START]) + tick(address=3) * 6)
 put("session", "silence_and_resume", opening + bytes([LONG, 25, EXPIRE]) + tick() * 12)

@@ -1,7 +1,8 @@
 """Rules that both ends share, written from PROTOCOL.md sections 4, 5 and 7."""
 import collections
+import math
 
-from wire import need
+from wire import need, vector
 
 
 class SequenceWindow:
@@ -28,6 +29,46 @@ class SequenceWindow:
         self.newest = sequence
         self.accepted_ns = now_ns
         self.seen.add(sequence)
+
+
+class ReplyDeadband:
+    """Which replies a server leaves out (section 4, Reply deadband)."""
+
+    LONGEST_NS, LONGEST_OF_TWO_NS, MOST_IN_A_ROW = 6_000_000, 10_000_000, 32
+    OF_COMMAND = ("flags", "method", "energy_scale_aj_j", "tip_hold", "reply_floor_pn", "reply_relative_permille")
+    OF_REPLY = ("epoch", "contact_state", "fault_bits", "tip_hold", "model_version", "particle_state", "energy_sent_aj",
+                "wave_sum_w_x_sqrt_aj_s", "wave_sum_w_y_sqrt_aj_s", "wave_sum_w_z_sqrt_aj_s", "wave_energy_aj")
+
+    def __init__(self):
+        self.last = None  # (command, reply) that was sent last
+        self.left_out = self.in_row = 0
+
+    @staticmethod
+    def says(command, reply):
+        return ([getattr(command, name) for name in ReplyDeadband.OF_COMMAND]
+                + [getattr(reply, name) for name in ReplyDeadband.OF_REPLY] + [reply.measurement_age_ns == 2 ** 64 - 1])
+
+    def leaves_out(self, command, reply, spacing_ns):
+        """Of a reply that would be sent; False: it is."""
+        if self.last is None or not self.allows(command, reply, spacing_ns):
+            self.last, self.in_row = (command, reply), 0
+            return False
+        self.left_out += 1
+        self.in_row += 1
+        return True
+
+    def allows(self, command, reply, spacing_ns):
+        before, last = self.last
+        since_ns = command.send_time_ns - before.send_time_ns
+        asked = command.reply_floor_pn or command.reply_relative_permille
+        if not asked or command.method == 4 or self.in_row >= self.MOST_IN_A_ROW or since_ns < 0:
+            return False
+        longest_ns = self.LONGEST_NS if self.in_row else self.LONGEST_OF_TWO_NS
+        if since_ns + spacing_ns > longest_ns or self.says(command, reply) != self.says(before, last):
+            return False
+        force, shown = vector(reply, "force_w_{}_nn"), vector(last, "force_w_{}_nn")
+        most_nn = max(1e-3 * command.reply_floor_pn, 1e-3 * command.reply_relative_permille * math.hypot(*shown))
+        return math.dist(force, shown) <= most_nn
 
 
 class Received:

@@ -7,9 +7,9 @@ import secrets
 import struct
 
 import telenano_pb2 as pb
-from rules import Received, SequenceWindow
+from rules import Received, ReplyDeadband, SequenceWindow
 from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED,
-                  FEATURE_PARTICLE, FEATURE_SCENE, FEATURE_SHARING, FEATURE_STEP_HISTORY, FEATURE_WELL, KNOWN_FEATURES,
+                  FEATURE_PARTICLE, FEATURE_REPLY_DEADBAND, FEATURE_SCENE, FEATURE_SHARING, FEATURE_STEP_HISTORY, FEATURE_WELL, KNOWN_FEATURES,
                   REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, SCENE_CHUNK_BYTES, STOP, VERSION, Drop, decode, encode,
                   features_used, need, recent_commands, set_vector, vector)
 
@@ -61,6 +61,7 @@ class Session:
         self.session_id = secrets.randbits(64) | 1
         self.nonces.append(hello.nonce)
         self.address, self.rate_hz, self.features = address, hello.rate_hz, features
+        self.deadband = ReplyDeadband()
         self.stepped = []  # numbers of the newest 64 commands accepted
         self.commands, self.replies, self.last_send_ns = SequenceWindow(hello.rate_hz, now_ns), 0, None
         self.energy_in_j, self.energy_out_j = Received(), Received()
@@ -216,9 +217,8 @@ class Server:
             left_s = age_s if age_s > 0 else 1 / session.rate_hz
         self.step(slave, vector(m, "tip_pos_w_{}_nm"), left_s, m.flags)
         self.accepted.append((session.session_id, m))
-        session.replies += 1
         force = slave.force_nn()
-        r = pb.Reply(session_id=session.session_id, sequence=session.replies, command_sequence=m.sequence,
+        r = pb.Reply(session_id=session.session_id, command_sequence=m.sequence,
                      command_send_time_ns=m.send_time_ns, server_time_ns=now_ns % (1 << 64), epoch=session.epoch,
                      contact_state=3 if force > 0 else 0, fault_bits=slave.faults, energy_in_aj=slave.energy_in_aj,
                      energy_out_aj=slave.energy_out_aj)
@@ -226,6 +226,12 @@ class Server:
             r.steps_before = steps_before
         set_vector(r, "force_w_{}_nn", (0.0, 0.0, force))
         set_vector(r, "tip_pos_w_{}_nm", slave.position)
+        if session.features & FEATURE_REPLY_DEADBAND:
+            if session.deadband.leaves_out(m, r, round(dt_s * 1e9)):
+                return None
+            r.replies_left_out = session.deadband.left_out
+        session.replies += 1
+        r.sequence = session.replies
         return r
 
     def step(self, slave, target, dt_s, flags):

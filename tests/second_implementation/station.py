@@ -195,6 +195,10 @@ class Station:
         assert features_used(m) & ~self.welcome.feature_bits == 0, "a field of a feature that was not agreed"
         return encode(m)
 
+    def commands_not_accepted(self):
+        """When the server sent the newest reply."""
+        return self.reply.command_sequence - self.reply.sequence - self.reply.replies_left_out
+
     def repeat(self, m):
         """The last commands with this one, and this one kept for those that come."""
         wave = m.method == 4
@@ -214,7 +218,7 @@ class Station:
         need(m.epoch == self.welcome.epoch, "wrong_epoch")
         need(m.command_sequence <= self.sent, "out_of_range")
         need(features_used(m) & ~self.welcome.feature_bits == 0, "unexpected")
-        need(m.sequence <= m.command_sequence, "out_of_range")
+        need(m.sequence + m.replies_left_out <= m.command_sequence, "out_of_range")
         self.replies.accept(m.sequence, now_ns)
         self.tip_hold = m.tip_hold
         self.hear_log(m, now_ns)
@@ -243,6 +247,8 @@ class Station:
         """Those that are new, and what was new in the last one; after a round trip and more all that is open."""
         if self.told > self.executed and now_ns - self.again_ns > self.silence_limit_ns():
             self.told, self.again_ns = self.executed, now_ns
+        # A step that was told twice may be executed by the first datagram while the second is on its way.
+        self.told = max(self.told, self.executed)
         if self.executed == self.made:
             return
         # One holding a datagram: that of the next new step, or of the newest, lest a stop wait.
@@ -272,6 +278,8 @@ class Station:
             self.executed, self.again_ns = m.steps_executed, now_ns
         if m.steps_newest > m.steps_executed and now_ns - self.again_ns > 20 * MS:  # a gap
             self.told, self.again_ns = self.executed, now_ns
+        # A step that was told twice may be executed by the first datagram while the second is on its way.
+        self.told = max(self.told, self.executed)
 
     # The scene (section 14)
 

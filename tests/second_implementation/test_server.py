@@ -4,6 +4,7 @@ import hashlib
 import math
 import os
 import pathlib
+import re
 import subprocess
 import tempfile
 import threading
@@ -108,6 +109,23 @@ class StationAtThePythonServer(unittest.TestCase):
         self.assertEqual(server.sessions[0].state, "ending")
         self.assertEqual({cause for cause, n in server.drops.items() if n}, {"duplicate"})
         self.assertLessEqual(server.drops["duplicate"], 2)
+
+    def test_the_station_counts_what_is_left_out_and_takes_none_for_lost(self):
+        serving = Serving(self, timeout_ms=20_000)
+        child = self.station(serving, "--task", "indent", "--duration-s", "3", "--method", "ks-clamp", "--reply-deadband", "100")
+        self.ends_well(child)
+        self.assertIsNone(serving.error)
+        (session,) = serving.server.sessions
+        (commands,) = self.sessions_of(serving.server).values()
+        asked = [c.reply_relative_permille for c in commands]
+        begins = asked.index(100)  # before, the link was measured
+        self.assertEqual((set(asked[:begins]) | {0}, set(asked[begins:])), ({0}, {100}))
+        self.assertTrue(all(c.reply_floor_pn > 0 for c in commands[begins:]))
+        self.assertGreater(session.deadband.left_out, 0.3 * len(commands))
+        said = re.search(r"replies left out +(\d+) of (\d+)", child.said())
+        self.assertLessEqual(abs(int(said.group(1)) - session.deadband.left_out), 40)
+        lost = re.search(r"commands lost +(\d+) of (\d+)", child.said())
+        self.assertEqual(lost.group(1), "0", child.said())
 
     def test_a_restarted_server_goes_on_in_a_new_epoch(self):
         first = Serving(self)

@@ -7,8 +7,9 @@ import unittest
 
 import telenano_pb2 as pb
 from programs import SCENES, counted, now_ns, serve, udp
+from rules import ReplyDeadband
 from station import Station
-from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY,
+from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY, FEATURE_REPLY_DEADBAND,
                   FAULT_UNDO, FEATURE_SHARED_LOG, FEATURE_STEP_LOG, FEATURE_UNDO, UNDO,
                   FEATURE_PARTICLE, FEATURE_SCENE, FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, features_used, vector)
 
@@ -214,6 +215,52 @@ class StationAtTheServer(unittest.TestCase):
             answer = self.ask(client.sock, encode(command))
             self.assertEqual(isinstance(answer, pb.Reply), answered)
         self.assertEqual(counted(self.end()), {"unexpected": 1})
+
+    def answered(self, deadband):
+        """Commands and replies of two seconds of indentation at 1 kHz by the commands' own times; None where the server was
+        behind, so that the motion is not what the commands say."""
+        client = Client(self, self.server, features=FEATURE_REPLY_DEADBAND)
+        client.station.rate_hz = 1000
+        start = vector(client.connect(), "start_pos_w_{}_nm")
+        path, begun_ns = indent(start, 8, 2.0), now_ns()
+        commands = {}
+        for k in range(2000):
+            at = begun_ns - 3_000_000_000 + k * 1_000_000
+            datagram = client.station.command(at, path(1e-3 * k), **deadband)
+            commands[client.station.sent] = decode(datagram)
+            client.commanded[client.station.sent] = (path(1e-3 * k), at)
+            client.send(datagram)
+            client.receive(max(begun_ns + (k + 1) * 1_000_000 - now_ns(), 0) * 1e-9)
+        client.receive(0.2)
+        client.send(client.station.end())
+        self.assertEqual(sum(client.station.drops.values()), 0)
+        return None if any(r.fault_bits & 0x80 for r in client.replies) else (commands, client.replies, client.station)
+
+    def test_replies_are_left_out_by_the_documents_rule(self):
+        for _ in range(5):
+            every = self.answered({})
+            some = every and self.answered({"reply_floor_pn": 200, "reply_relative_permille": 100})
+            if some:
+                break
+        self.assertIsNotNone(some, "the server was behind in each of five tries")
+        # The same motion is the same force: the rule, over all of its replies, says which ones the server leaves out.
+        commands, replies, station = some
+        self.assertEqual([r.command_sequence for r in every[1]], list(range(1, 2001)))
+        rule = ReplyDeadband()
+        expected, left_out = [], []
+        for whole in every[1]:
+            if not rule.leaves_out(commands[whole.command_sequence], whole, 1_000_000):
+                expected.append(whole.command_sequence)
+                left_out.append(rule.left_out)
+        self.assertEqual([r.command_sequence for r in replies], expected)
+        self.assertEqual([r.replies_left_out for r in replies], left_out)
+        self.assertLess(len(replies), 900)
+        self.assertEqual([r.sequence for r in replies], list(range(1, len(replies) + 1)))
+        of = {r.command_sequence: r for r in every[1]}
+        for r in replies:
+            self.assertEqual((r.force_w_z_nn, r.energy_in_aj, r.energy_out_aj),
+                             tuple(getattr(of[r.command_sequence], name) for name in ("force_w_z_nn", "energy_in_aj", "energy_out_aj")))
+        self.assertEqual(station.commands_not_accepted(), 0)
 
     def test_repeated_commands_are_played_once(self):
         client = Client(self, self.server, features=FEATURE_REDUNDANCY)

@@ -1,11 +1,12 @@
 """Both Python ends in virtual time over a bad link: the state machines of the document fit each other."""
 import heapq
+import math
 import random
 import unittest
 
 from server import Server
 from station import MS, Station
-from wire import BYE_DONE, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, vector
+from wire import BYE_DONE, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REPLY_DEADBAND, vector
 
 HERE = ("127.0.0.1", 5101)
 
@@ -21,6 +22,7 @@ class Link:
         self.queue = []
         self.target = (0.0, 0.0, -3.0)
         self.energy_in_j = 0.0
+        self.deadband = {}
 
     def send(self, datagram, to_server):
         for _ in range(2 if self.random.random() < self.double else 1):
@@ -49,7 +51,7 @@ class Link:
             if self.server is not None:
                 self.server.poll(end_ns)
             self.send(self.station.poll(end_ns), True)
-            self.send(self.station.command(end_ns, self.target, energy_in_j=self.energy_in_j), True)
+            self.send(self.station.command(end_ns, self.target, energy_in_j=self.energy_in_j, **self.deadband), True)
 
 
 class Together(unittest.TestCase):
@@ -139,6 +141,36 @@ class Together(unittest.TestCase):
             self.assertEqual(came, {n for n in numbers[:-1] if numbers[-1] - n <= 64})
             gaps += 64 - len(came) if numbers[-1] > 64 else 0
         self.assertGreater(gaps, 1000)
+
+    def test_replies_are_left_out_and_the_books_agree(self):
+        for seed, loss in enumerate((0.0, 0.1, 0.3)):
+            station, server = Station(), Server(features=FEATURE_REPLY_DEADBAND)
+            link = Link(station, server, seed=seed, delay_ms=2 if loss else 0, loss=loss, double=0.05)
+            link.deadband = {"reply_floor_pn": 50, "reply_relative_permille": 100}
+            station.start(0)
+            link.ticks(200)
+            shown = []
+            for k in range(3000):
+                link.target = (0.0, 0.0, -3.0 - 2.0 * math.sin(0.01 * k))
+                link.ticks(1)
+                shown.append(station.replies.newest)
+            link.loss = 0.0
+            link.ticks(100)
+            (session,) = [s for s in server.sessions if s.session_id == station.welcome.session_id]
+            accepted = sum(session_id == station.welcome.session_id for session_id, _ in server.accepted)
+            self.assertEqual(session.replies + session.deadband.left_out, accepted)
+            self.assertGreater(session.deadband.left_out, 2 * session.replies)
+            self.assertEqual(station.energy_in_aj.value, session.slave.energy_in_aj)
+            self.assertEqual(station.energy_out_aj.value, session.slave.energy_out_aj)
+            # Of the commands up to the one answered: those that the server has not.
+            numbers = {m.sequence for session_id, m in server.accepted if session_id == station.welcome.session_id}
+            self.assertEqual(station.commands_not_accepted(),
+                             sum(n not in numbers for n in range(1, station.reply.command_sequence)))
+            self.assertEqual(station.commands_not_accepted() > 100, loss > 0)
+            if loss == 0:
+                # A reply in six ticks at least, and then the force that is there, within its deadband.
+                self.assertTrue(all(shown[k + 8] > shown[k] for k in range(100, 2900)))
+            self.assertEqual(station.drops["out_of_range"], 0)
 
     def test_fields_without_their_feature_are_unexpected(self):
         for granted, expected in ((FEATURE_LOCAL_MODEL, 1), (FEATURE_PORT_CONTROL, 0)):

@@ -208,6 +208,8 @@ class Causes(unittest.TestCase):
         self.assertEqual(self.changed("reply", contact_state=4), "out_of_range")
         self.assertEqual(self.changed("reply_with_particle", particle_state=4), "out_of_range")
         self.assertIsNone(self.changed("reply_with_particle", particle_state=3))
+        self.assertEqual(self.changed("command_with_deadband", reply_relative_permille=1001), "out_of_range")
+        self.assertIsNone(self.changed("command_with_deadband", reply_relative_permille=1000))
         self.assertEqual(self.changed("command_with_recent", sequence=4), "out_of_range")
         self.assertIsNone(self.changed("command_with_recent", sequence=5))
         first, second = RECENT_COMMANDS[:64], RECENT_COMMANDS[64:128]

@@ -291,7 +291,8 @@ def check_command(m):
         recent = recent_commands(m)
         ages = [record[0] for record in recent]
         repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
-    return m.sequence and m.method <= 7 and (not m.steps or steps(m.steps) is not None) and not_negative and scale and impedance and repeated
+    return m.sequence and m.method <= 7 and (not m.steps or steps(m.steps) is not None) and not_negative and scale and impedance and repeated \
+        and m.reply_relative_permille <= 1000
 
 
 def check_reply(m):

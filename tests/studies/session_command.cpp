@@ -77,7 +77,7 @@ void require_finite(const Options& options) {
                                                    {"--burst", options.burst}};
   for (const auto& [flag, value] : values) {
     if (!std::isfinite(value))
-      throw UserError(std::string("session: ") + flag + " is no finite number; see --help for its range");
+      throw UserError(std::string("session: ") + flag + " is not a finite number; see --help for its range");
   }
 }
 

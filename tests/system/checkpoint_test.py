@@ -183,7 +183,7 @@ class Checkpoints(RealPrograms):
             raw[len(raw) // 2] ^= 1
             path.write_bytes(raw)
 
-        for how, said in ((cut, "is not a whole checkpoint"), (spoil, "is not a whole checkpoint"), (pathlib.Path.unlink, None))[0 if ALL else 2:]:
+        for how, said in ((cut, "is not a complete checkpoint"), (spoil, "is not a complete checkpoint"), (pathlib.Path.unlink, None))[0 if ALL else 2:]:
             with self.subTest(how=how.__name__):
                 first = self.server("first")
                 station = self.station([first.address], "--method", "tank")

@@ -420,7 +420,7 @@ class Start(Rig):
     def test_without_one_the_risk_is_said(self):
         self.simulator()
         server = self.server(with_deadman=False, flags=["--without-deadman"])
-        self.assertRegex(server.text, r"without a deadman: if this machine dies.*SafeTip acts at some 460 nN")
+        self.assertRegex(server.text, r"without a deadman: if this machine or the network.*SafeTip acts only at some 460 nN")
         self.assertIn("without limits.along_slope: no signal shows the force", server.text)
         server.stop()
 

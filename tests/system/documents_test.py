@@ -3,6 +3,7 @@
 
 documents_test.py SOURCE_DIR BUILD_DIR
 """
+import errno
 import functools
 import os
 import pathlib
@@ -127,6 +128,24 @@ def ctest(*arguments):
     return re.findall(r"^ *Test +#\d+: (\S+)", listed, flags=re.M)
 
 
+def without_comments(file):
+    """A source's code: a name that only a comment still has leads nowhere."""
+    text = file.read_text()
+    if file.suffix == ".toml":
+        return re.sub(r"#.*", "", text)
+    return re.sub(r"/\*.*?\*/|//[^\n]*", "", text, flags=re.S) if file.suffix in (".h", ".cpp", ".proto") else text
+
+
+def said_by_the_programs():
+    """What stands in the sources' texts; a text that is broken over lines in one piece."""
+    texts = []
+    for folder in ("common", "master", "nve_server"):
+        for path in (SOURCE / folder).rglob("*.[ch]*"):
+            code = without_comments(path) if path.suffix in (".h", ".cpp") else ""
+            texts += ["".join(re.findall(r'"((?:\\.|[^"\\\n])*)"', t)) for t in re.findall(r'(?:"(?:\\.|[^"\\\n])*"\s*)+', code)]
+    return "\n".join(texts) + "\n" + "\n".join(map(os.strerror, errno.errorcode))
+
+
 def wrong_places(path):
     """Links to a file of the project with names in code spans behind them: how many, and what is not there."""
     places, wrong = 0, []
@@ -140,7 +159,7 @@ def wrong_places(path):
         elif functions:
             places += 1
             wrong += [f"{name(path)}: {f} is not in {link}" for f in re.findall(r"`([^`]+)`", functions)
-                      if not re.search(rf"\b{re.escape(f)}\b", file.read_text())]
+                      if not re.search(rf"\b{re.escape(f)}\b", without_comments(file))]
         elif in_table:
             wrong.append(f"{name(path)}: {link} without a function")
     return places, wrong
@@ -213,6 +232,29 @@ class Documents(unittest.TestCase):
         self.assertGreater(len(code), 20)
         self.none([f"{paper} {kind}. {number} of {where} is not in deploy/docs/equations.md"
                    for (paper, kind, number), where in sorted(code.items()) if (paper, kind, number) not in index])
+
+    def test_what_a_newcomer_looks_up_leads_to_code(self):
+        """Each equation and figure of KS and CB that the index has: a row, and in it a function that is there."""
+        page = SOURCE / "deploy/docs/equations.md"
+        rows = [line for line in page.read_text().splitlines() if re.match(r"\| (KS|CB|heavy)\b", line)]
+        answered = set()
+        for row in rows:
+            first = row.split("|")[1]
+            places = re.findall(r"\]\(([^()\s]+\.(?:h|cpp|toml))\)((?:\s+`[^`]+`)+)", row)
+            self.assertTrue(places, f"{first.strip()}: no file with a function")
+            answered |= {(first.split()[0].removesuffix("'s"), *what) for what in numbers(first)}
+        for paper, kind, wanted in (("KS", "eq", ["7", "9", "10", *map(str, range(14, 23))]),
+                                    ("KS", "fig", ["6", *map(str, range(10, 19))]), ("CB", "fig", ["3", "4a", "4b", "4c", "4d"])):
+            self.none([f"{paper} {kind}. {n} is not in the index" for n in wanted if (paper, kind, n) not in answered])
+
+    def test_what_draws_a_figure_is_what_the_program_calls(self):
+        """A figure's function in the index is one that telenano-lab can draw: named where the figures are listed."""
+        studies = SOURCE / "tests/studies"
+        listed = "".join(without_comments(path) for path in studies.rglob("*.cpp"))
+        index = (SOURCE / "deploy/docs/equations.md").read_text()
+        drawn = set(re.findall(r"`(draw_(?:ks|cb)\d+)`", index))
+        self.assertGreaterEqual(len(drawn), 8)
+        self.none([f"nobody draws by {f}" for f in drawn if not re.search(rf"(?<!Figure )\b{f}\b", listed)])
 
     def test_tests_that_are_named_exist(self):
         self.needs_all_parts()
@@ -312,6 +354,15 @@ class Documents(unittest.TestCase):
             for page in re.findall(r": (\S+\.md)$", (SOURCE / "deploy/docs/mkdocs.yml").read_text(), flags=re.M):
                 self.assertTrue((staged / page).exists(), page)
 
+    def test_each_symptom_is_said_by_a_program(self):
+        """What OPERATIONS.md says that a person sees; HOST:PORT and … stand for anything."""
+        table = (SOURCE / "deploy/OPERATIONS.md").read_text().partition("## What to do when")[2].partition("\n## ")[0]
+        said = said_by_the_programs()
+        seen = [text for row in re.findall(r"^\| ([^|]*)\|", table, flags=re.M) for text in re.findall(r"`([^`]+)`", row)]
+        self.assertGreater(len(seen), 12)
+        self.none([f"no program says '{text}'" for text in seen
+                   if not all(part.strip(": ") in said for part in re.split("…|HOST:PORT|keys.toml", text))])
+
     def test_each_hazard_names_a_test_that_exists(self):
         """In the first table of SAFETY.md; … stands for what is left out."""
         rows = re.findall(r"^\|(.*)\|$", (SOURCE / "nve_server/afm/SAFETY.md").read_text().partition("## Known")[0], flags=re.M)[2:]
@@ -338,6 +389,10 @@ class Documents(unittest.TestCase):
         self.assertEqual(numbers("figs. 4a-d and fig. 3"), {("fig", n) for n in ("4a", "4b", "4c", "4d", "3")})
         self.assertEqual(numbers(", eqs. 21, 22, fig. 12"), {("eq", "21"), ("eq", "22"), ("fig", "12")})
         self.assertIsNone(wrong_command("telenano-nve serve | telenano-master run --observe"))
+        with tempfile.TemporaryDirectory() as folder:
+            source = pathlib.Path(folder) / "source.h"
+            source.write_text("/* gone_1() */ int here();  // gone_2()\n/// gone_3()\n")
+            self.assertEqual(re.findall(r"\w+(?=\()", without_comments(source)), ["here"])
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import urllib.request
 import side_by_side
 
 NVE, MASTER, AFM_SIM = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:4])
-LONG_S = 20
+LONG_S = 60
 ENGAGED = 2  # of a recording's station_mode
 
 

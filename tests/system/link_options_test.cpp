@@ -7,7 +7,10 @@
 #include <cstdio>
 #include <functional>
 #include <map>
+#include <memory>
+#include <utility>
 
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/virtual_session.h"
@@ -133,6 +136,7 @@ TEST(LinkOptions, PlayOutAndGateDoNotAllocate) {
   auto config = jittery(kConstant);
   config.link_options.gate.deadband_nm = 0.01;
   config.redundancy = link::kMaxRecent;
+  config.link_options.reply_deadband = {.permille = 100, .adapts = false, .floor_n = 0.005};
   VirtualSession session(config);
   session.run(300);
   if (!AllocGuard::active()) GTEST_SKIP() << "a sanitizer owns malloc";
@@ -347,6 +351,133 @@ TEST(LinkOptions, ARateThatFollowsTheLinkLosesNoStep) {
                 static_cast<unsigned long long>(steps.executed), session.client().steps().open(),
                 static_cast<unsigned long long>(session.datagrams_up()));
   }
+}
+
+/// A slave, and what it has said last.
+class ToldSlave final : public slave::Slave {
+ public:
+  ToldSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<slave::SlaveOutput> said)
+      : inner_(std::move(inner)), said_(std::move(said)) {}
+  void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {
+    inner_->step(input, dt_s, output);
+    *said_ = output;
+  }
+  const slave::SlaveLimits& limits() const noexcept override { return inner_->limits(); }
+
+ private:
+  std::unique_ptr<slave::Slave> inner_;
+  std::shared_ptr<slave::SlaveOutput> said_;
+};
+
+struct Thin {
+  double commands_s = 0, replies_s = 0, left_out_s = 0, worst_rtt_ms = 0, nrmse = 0, least_rate_hz = 0;
+  std::uint64_t stale = 0, lost = 0;
+  bool accounts_agree = false;
+};
+
+/// An indentation, ten times in a row, over a link that carries so many bits a second each way.
+Thin over_thin_link(double bit_s, const loop::ReplyDeadbandConfig& deadband) {
+  auto config = narrow(true, false);
+  config.to_server.rate_bit_s = config.to_station.rate_bit_s = bit_s;
+  config.task_options.duration_s = 30;
+  config.link_options.reply_deadband = deadband;
+  const auto slave = std::make_shared<slave::SlaveOutput>();
+  config.make_slave = [make = slave::nve_slaves(config.scene), slave] {
+    return std::make_unique<ToldSlave>(make(), slave);
+  };
+  VirtualSession session(config);
+  constexpr std::int64_t kFrom = 3000, kTo = 20'000;
+  Thin thin;
+  double sum = 0, most = 0, least = 0;
+  link::LinkQuality before;
+  recording::Sample row{};
+  session.run(kTo, [&](const recording::Sample& now) {
+    row = now;
+    if (now.tick < kFrom) {
+      before = session.client().quality(session.now_ns());
+      return;
+    }
+    thin.worst_rtt_ms = std::max(thin.worst_rtt_ms, 1e-3 * now.rtt_us);
+    thin.stale += (now.station_faults & station::kFaultStale) != 0;
+    const double force_nn = slave->force_w_nn.z(), apart = now.force_w_nn[2] - force_nn;
+    sum += apart * apart;
+    most = std::max(most, force_nn);
+    least = std::min(least, force_nn);
+  });
+  const link::LinkQuality q = session.client().quality(session.now_ns());
+  const double seconds = 1e-3 * static_cast<double>(kTo - kFrom);
+  thin.commands_s = static_cast<double>(q.commands_sent - before.commands_sent) / seconds;
+  thin.replies_s = static_cast<double>(q.replies - before.replies) / seconds;
+  thin.left_out_s = static_cast<double>(q.replies_left_out - before.replies_left_out) / seconds;
+  thin.lost = q.commands_lost + q.replies_lost;
+  thin.nrmse = std::sqrt(sum / static_cast<double>(kTo - kFrom)) / (most - least);
+  thin.least_rate_hz = session.loop().rate().lowest_hz();
+  // Nothing moves any more: what the station knows of the slave's account is all of it.
+  session.loop().set_buttons(device::kButtonClutch);
+  for (int i = 0; i < 500; ++i) session.step();
+  const link::ReceivedEnergy& known = session.client().slave_energy_aj();
+  thin.accounts_agree =
+      known.in() > 0 && known.in() == slave->energy_in_aj && known.out() == slave->energy_out_aj;
+  return thin;
+}
+
+// On a link that is full, replies are left out as far as it is, without a queue when the force moves; on one that has
+// room there are none. Kept to, whatever the link does, the commands rise into the room that is left.
+TEST(LinkOptions, AFullLinkLeavesRepliesOut) {
+  constexpr loop::ReplyDeadbandConfig kNone{}, kAdapts{.permille = 100, .adapts = true, .floor_n = 0.005},
+      kKept{.permille = 100, .adapts = false, .floor_n = 0.005};
+  std::printf("%-22s %10s %10s %10s %8s %8s\n", "1 Mbit/s each way", "commands/s", "replies/s", "left out/s",
+              "RTT ms", "NRMSE");
+  const auto print = [](const char* name, const Thin& t) {
+    std::printf("%-22s %10.0f %10.0f %10.0f %8.1f %8.4f\n", name, t.commands_s, t.replies_s, t.left_out_s,
+                t.worst_rtt_ms, t.nrmse);
+  };
+  const Thin none = over_thin_link(1e6, kNone), adapts = over_thin_link(1e6, kAdapts),
+             kept = over_thin_link(1e6, kKept);
+  print("every reply", none);
+  print("as the link asks for", adapts);
+  print("100 per mille, kept", kept);
+  EXPECT_EQ(none.left_out_s, 0);
+  for (const Thin* const t : {&none, &adapts, &kept}) {
+    EXPECT_TRUE(t->accounts_agree);
+    EXPECT_LE(t->worst_rtt_ms, t == &kept ? 60 : 30);
+    EXPECT_EQ(t->lost, 0u);
+    EXPECT_EQ(t->stale, 0u);
+    EXPECT_LT(t->nrmse, 0.05);
+  }
+  EXPECT_LT(adapts.replies_s, 0.7 * none.replies_s);
+  EXPECT_LT(kept.replies_s, 0.7 * none.replies_s);
+  EXPECT_GT(kept.commands_s, 1.1 * none.commands_s);
+  const Thin wide = over_thin_link(10e6, kAdapts);
+  print("10 Mbit/s, likewise", wide);
+  EXPECT_EQ(wide.left_out_s, 0) << "there is room";
+}
+
+// While a recording is made, an adapting deadband is none: the forces in it are the slave's own.
+TEST(LinkOptions, WhatIsRecordedHasEveryReply) {
+  for (const bool records : {false, true}) {
+    auto config = narrow(true, false);
+    config.to_server.rate_bit_s = config.to_station.rate_bit_s = 500e3;
+    config.link_options.reply_deadband = {.permille = 100, .adapts = true};
+    VirtualSession session(config);
+    if (records) session.loop().set_records();
+    session.run(6000);
+    EXPECT_NE(session.loop().rate().reason(), link::RateReason::kFull);
+    EXPECT_EQ(session.client().reply().replies_left_out > 0, !records);
+    EXPECT_EQ(session.loop().told_reply_deadband().empty(), records);
+  }
+}
+
+// With a twin every reply confirms steps.
+TEST(LinkOptions, WithATwinEveryCommandIsAnswered) {
+  auto config = narrow(true, true);
+  config.link_options.reply_deadband = {.permille = 500, .adapts = false, .floor_n = 1};
+  VirtualSession session(config);
+  session.run(5000);
+  ASSERT_TRUE(session.client().logs_steps());
+  EXPECT_EQ(session.client().features() & link::kFeatureReplyDeadband, 0u);
+  EXPECT_EQ(session.server().counters().left_out, 0u);
+  EXPECT_EQ(session.client().drops().total(), 0u);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ NVE, LAB = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
 SESSIONS = 1000
 LONG_S = 60
 # Three seconds are what is asked for; the rest is for a machine with other work.
-MOST_S = 5
+MOST_S = 8
 
 
 class Reconnect(unittest.TestCase):

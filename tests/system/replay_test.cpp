@@ -67,6 +67,24 @@ TEST_F(ReplayTest, EveryForceComesOutAsRecorded) {
   }
 }
 
+// Which replies the server leaves out follows from the commands alone: the replay leaves out the same.
+TEST_F(ReplayTest, RepliesThatWereLeftOutAreLeftOutAgain) {
+  const std::vector<std::vector<std::string>> links = {{},
+                                                       {"--delay-ms", "5", "--loss", "0.05", "--seed", "3"}};
+  for (const std::vector<std::string>& link : links) {
+    const std::string file = record("flakes", link,
+                                    {"--task", "indent", "--duration-s", "3", "--rate", "1000", "--method",
+                                     "ks-clamp", "--reply-deadband", "100"});
+    const recording::RecordingReader reader(file);
+    EXPECT_GT(reader.read("replies_left_out").back(), 500);
+    const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
+    EXPECT_EQ(replay.exit_code, 0) << replay.err;
+    const auto lines = lines_of(replay.out);
+    ASSERT_EQ(lines.size(), 2u);
+    EXPECT_NE(lines[1].find(",0,0,yes"), std::string::npos) << lines[1] << replay.err;
+  }
+}
+
 // The twin runs in the replay too, beside a server that is made anew: what is felt, which steps the slave had
 // made by each reply, and its state after them must all come out as recorded.
 TEST_F(ReplayTest, ATwinComesOutAsRecorded) {

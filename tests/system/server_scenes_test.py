@@ -66,7 +66,7 @@ class ServerScenes(RealPrograms):
         done = self.station(server)
         alone, _ = self.scene_of(done)
         self.assertNotIn("scenes:", done.stderr)
-        self.refused(self.station(server, "--server-scene", "nowhere"), "'nowhere': the server serves '.*' alone", 1)
+        self.refused(self.station(server, "--server-scene", "nowhere"), "'nowhere': the server serves only '.*'", 1)
         self.assertEqual(self.scene_of(self.station(server, "--server-scene", alone))[0], alone)
 
     def restarted(self, server, *scenes):

@@ -107,6 +107,94 @@ TEST_F(SessionsTest, WhoLooksOnRecordsTheMarksOfAnother) {
     for (const double force_n : reader.read("hand_force_applied_h_n", axis)) ASSERT_EQ(force_n, 0);
 }
 
+/// Of `telenano-lab replay`'s row: all ticks were replayed and equal; how many were told.
+struct Replayed {
+  bool whole = false;
+  double told = 0;
+  std::string said;
+};
+Replayed replayed(const std::string& file) {
+  const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
+  Replayed result;
+  result.said = replay.out + replay.err;
+  const auto lines = lines_of(replay.out);
+  if (replay.exit_code != 0 || lines.size() != 2) return result;
+  std::vector<double> numbers;
+  for (std::size_t at = lines[1].find(".h5,") + 4; numbers.size() < 6; at = lines[1].find(',', at) + 1)
+    numbers.push_back(std::atof(lines[1].c_str() + at));
+  result.whole = numbers[0] > 1000 && numbers[1] == numbers[0] && numbers[2] == numbers[0];
+  result.told = numbers[5];
+  return result;
+}
+
+// At a shared tip the last groove is taken back: by who has made it, and by nobody else with the same right. Who looks
+// on records the sample without it, and the session is replayed to its end with the same bits. A state on a busy machine
+// takes its time, and the next look at one eight times as long.
+TEST_F(SessionsTest, MarksAreTakenBackAtASharedTipByWhoMadeThem) {
+  const std::string script =
+      write("groove.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1,0,0,-8\n2,15,0,-8\n2.5,15,0,30\n13,15,0,30\n");
+  for (const char* method : {"twin", "ks-clamp"}) {
+    Server server(scene_path("lithography"), 0, {"--share", "one-tip", "--local-rights", "administer"});
+    const std::string made = path(std::string(method) + "_made.h5"),
+                      seen = path(std::string(method) + "_seen.h5");
+    ChildProcess first(talking(server, {"--task", "script", "--script", script, "--method", method,
+                                        "--record", made, "--undo-marks-at", "6"}));
+    ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
+    ChildProcess second(talking(server, {"--observe", "--duration-s", "14", "--record", seen}));
+    ASSERT_TRUE(second.wait(kLong)) << second.err();
+    EXPECT_EQ(second.exit_code(), 0) << second.err();
+    ASSERT_TRUE(first.wait(kLong)) << first.err();
+    EXPECT_EQ(first.exit_code(), 0) << first.err();
+    EXPECT_TRUE(says(first.out(), "last stroke of marks taken back")) << first.out() << first.err();
+    for (const std::string& file : {made, seen}) {
+      if (file == made && std::string(method) != "twin")
+        continue;  // who has no twin has no picture of the sample
+      double deepest = 0;
+      for (const recording::MarkRow& row : RecordingReader(file).marks())
+        if (row.column != recording::MarkRow::kPlace) deepest = std::min(deepest, 1.0 * row.value);
+      EXPECT_LT(deepest, -1) << "nm: it was there, in " << file;
+      const auto nodes = marked_nodes(file);
+      EXPECT_GT(nodes.size(), 20u) << file;
+      for (const auto& [node, height] : nodes)
+        ASSERT_NEAR(height, 0, 1e-6) << "nm: and is not any more, in " << file;
+    }
+    const Replayed replay = replayed(made);
+    // Without a log of steps the slave's are known only where none waited for a later one.
+    const bool known = std::string(method) == "twin" || !says(server.stop(), "waited for later ones");
+    EXPECT_TRUE(replay.whole || !known) << replay.said;
+    EXPECT_EQ(replay.told > 0, std::string(method) == "twin") << replay.said;
+    const Replayed looked = replayed(seen);
+    EXPECT_TRUE(looked.whole) << looked.said;
+    std::printf("%s: %s%s%s", method, replay.said.c_str(), known ? "" : "(not known)\n", looked.said.c_str());
+  }
+}
+
+// Who administers takes the tip and takes back what another has made. What that one recorded is replayed to its end,
+// over the time in which it only observed.
+TEST_F(SessionsTest, AnAdministratorTakesBackAnothersMarksAndTheReplayGoesOnOverThat) {
+  const std::string script =
+      write("groove.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1,0,0,-8\n2,15,0,-8\n2.5,15,0,30\n12,15,0,30\n");
+  const std::string up = write("up.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n3,0,0,30\n");
+  Server server(scene_path("lithography"), 0, {"--share", "one-tip", "--local-rights", "administer"});
+  const std::string made = path("made.h5");
+  ChildProcess first(
+      talking(server, {"--task", "script", "--script", script, "--method", "twin", "--record", made}));
+  ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
+  ::usleep(6'000'000);
+  ChildProcess second(
+      talking(server, {"--task", "script", "--script", up, "--take-over", "--undo-marks-at", "2.5"}));
+  ASSERT_TRUE(second.wait(kLong)) << second.err();
+  first.signal(SIGINT);
+  ASSERT_TRUE(first.wait(kLong)) << first.err();
+  EXPECT_TRUE(says(second.out(), "last stroke of marks taken back")) << second.out() << second.err();
+  const auto nodes = marked_nodes(made);
+  EXPECT_GT(nodes.size(), 20u);
+  for (const auto& [node, height] : nodes) ASSERT_NEAR(height, 0, 1e-6) << "nm: seen by who observes by now";
+  const Replayed replay = replayed(made);
+  EXPECT_TRUE(replay.whole) << replay.said;
+  EXPECT_GT(replay.told, 100) << replay.said;
+}
+
 // The user's cache can hold nothing (no such place, no room), or two stations that start at once fill it: each
 // has its twin all the same.
 TEST_F(SessionsTest, ACacheThatHoldsNothingOrIsSharedKeepsNobodyFromATwin) {
@@ -340,7 +428,8 @@ TEST_F(SessionsTest, WhereNobodySaysWhichTheSampleItselfIsFelt) {
     command.insert(command.end(), more.begin(), more.end());
     const Finished plain = run_program(command, {}, kLong);
     EXPECT_EQ(plain.exit_code, 0) << plain.err;
-    EXPECT_TRUE(says(plain.err, std::string("note: no twin, a method by the round trip instead: ") + why))
+    EXPECT_TRUE(
+        says(plain.err, std::string("note: no twin, a method chosen by the round trip instead: ") + why))
         << plain.err;
     EXPECT_TRUE(says(plain.err, "(by the round trip)")) << plain.err;
   };
@@ -369,7 +458,7 @@ TEST_F(SessionsTest, AWayBeyondWhatWasMeasuredIsToldAndNotATwins) {
                    "indent", "--duration-s", "0.5", "--velocity-scale", "4e-6"},
                   {}, kLong);
   EXPECT_EQ(run.exit_code, 0) << run.err;
-  EXPECT_TRUE(says(run.err, "note: no twin, a method by the round trip instead: the round trip is 52"))
+  EXPECT_TRUE(says(run.err, "note: no twin, a method chosen by the round trip instead: the round trip is 52"))
       << run.err;
   EXPECT_TRUE(says(run.err, "method model (by the round trip)")) << run.err;
 }

@@ -155,9 +155,10 @@ TEST_F(ViewerPrograms, AScanOfAnotherSampleIsNotDrawnInSilence) {
   std::filesystem::remove(path("s.png"));
   const Finished other = draw(data + "nanoscope_peakforce_1um.gsf");
   EXPECT_EQ(other.exit_code, 2);
-  EXPECT_NE(other.err.find("is another scan than the session's: it is 1000 x 1000 nm, and that of the scene "
-                           "'flakes' 600 x 600 nm"),
-            std::string::npos)
+  EXPECT_NE(
+      other.err.find(
+          "is not the session's scan: it is 1000 x 1000 nm, and the scan of scene 'flakes' is 600 x 600 nm"),
+      std::string::npos)
       << other.err;
   EXPECT_EQ(lines_of(other.err).size(), 1u) << other.err;
   EXPECT_FALSE(std::filesystem::exists(path("s.png")));
@@ -209,7 +210,7 @@ TEST_F(ViewerPrograms, WhatCannotBeShownIsSaidBeforeAServerIsAsked) {
       {{"--view"}, "there is no display"},
       {{"--device", "mouse"}, "there is no display"},
       {{"--device", "mouse", "--screenshot", path("b.png")}, "needs the window"},
-      {{"--screenshot", path("none/b.png")}, "is no folder"},
+      {{"--screenshot", path("none/b.png")}, "is not a folder"},
       {{"--screenshot", path("b.png"), "--screenshot-size", "big"}, "expected WIDTHxHEIGHT"},
       {{"--screenshot", path("b.png"), "--screenshot-size", "10x10"}, "expected WIDTHxHEIGHT"},
       {{"--screenshot", path("b.png"), "--surface", path("none.gsf")}, "none.gsf"},

@@ -312,6 +312,42 @@ class Web(unittest.TestCase):
         self.assertGreater(inside, 0.99 * nx * ny)
         self.assertLess(turned, 0.8 * nx * ny)  # that this test can tell
 
+    def test_marks_that_are_taken_back_at_a_shared_tip_are_gone_here_too(self):
+        """The groove is in the surface until its maker takes it back; then the surface is flat again, in half a second."""
+        with tempfile.TemporaryDirectory(prefix="telenano_web_") as folder:
+            s = Server("--share", "one-tip", scene="lithography")
+            self.addCleanup(s.close)
+            cookie = s.cookie()
+
+            def lowest():
+                return min(array.array("f", s.get("/surface", Cookie=cookie)[2][28:]))
+
+            status, connection = s.live(cookie)
+            self.assertEqual(status, 101)
+            groove = pathlib.Path(folder) / "groove.csv"
+            groove.write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n2,40,0,-4\n2.5,40,0,10\n8,40,0,10\n")
+            station = subprocess.Popen([MASTER, "run", "--server", s.udp, "--task", "script", "--script", str(groove), "--quiet",
+                                        "--rt-priority", "0", "--undo-marks-at", "5.5"],
+                                       stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            deepest, flat_at, number, last = 0.0, None, 0, time.monotonic()
+            while station.poll() is None:
+                kind, text = frame(connection)
+                if kind != 1:
+                    continue
+                state = json.loads(text)
+                if state.get("marks", 0) != number:
+                    number, last = state["marks"], time.monotonic()
+                    now = lowest()
+                    deepest = min(deepest, now)
+                    if deepest < -0.5 and now > -1e-3 and flat_at is None:
+                        flat_at = last
+            out, err = station.communicate()
+            connection.close()
+            self.assertIn(b"last stroke of marks taken back", out, err)
+            self.assertLess(deepest, -0.5)
+            self.assertIsNotNone(flat_at, "a browser is told that the surface is another one")
+            self.assertGreater(lowest(), -1e-3)
+
     def test_marks_are_shown_while_they_are_made(self):
         """At the end the surface is what the server keeps in a file of its own, read and interpolated here."""
         with tempfile.TemporaryDirectory(prefix="telenano_web_") as folder:

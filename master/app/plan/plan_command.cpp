@@ -131,7 +131,7 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
     return;
   }
   keeper.start();
-  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, stop);
+  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, file.station.rate_hz, stop);
   const auto scene = keeper.scene();
   if (!scene) {
     far.no_touch = keeper.settled() ? "the server's scene cannot be fetched"

@@ -57,6 +57,7 @@ void RealTimeSession::run() noexcept {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
     if (recorder_ == nullptr) recorder_ = later_recorder_.load(std::memory_order_acquire);
+    if (recorder_ != nullptr) loop_.set_records();
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (requests_ != nullptr) ask_screen(sample);
@@ -235,7 +236,10 @@ void RealTimeSession::follow_scene(const recording::Sample& sample) noexcept {
     return event_of_scene(sample, "the session goes on at another sample");
   const char* why = nullptr;
   if (scene_asked_ && session_.scene_switching() == link::SceneSwitching::kRefused) {
-    show_scene(view_model::SceneText::kRefused);
+    const link::RefuseReason reason = session_.refuse().reason;
+    show_scene(reason == link::RefuseReason::kRate           ? view_model::SceneText::kRate
+               : reason == link::RefuseReason::kShuttingDown ? view_model::SceneText::kShuttingDown
+                                                             : view_model::SceneText::kRefused);
     why = "another sample refused";
   } else if (sample.time_s - scene_wanted_s_ > kSceneS) {
     show_scene(view_model::SceneText::kNoAnswer);
@@ -285,6 +289,10 @@ void RealTimeSession::follow_undo(const recording::Sample& sample) noexcept {
     case loop::UndoAnswer::kRefused:
       text = UndoText::kRefused;
       event = "marks not taken back: refused";
+      break;
+    case loop::UndoAnswer::kAnothers:
+      text = UndoText::kAnothers;
+      event = "marks not taken back: another session has made the last ones";
       break;
     case loop::UndoAnswer::kNoAnswer:
       text = UndoText::kNoAnswer;
@@ -391,6 +399,7 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.twin_left = twin_left_;
   p.force_scale_without_twin = station_.config().impedance_without_twin / scaling.velocity;
   if (scaling_.follows() && keeps_plan_) p.planned_delay_s = scaling_.planned_s();
+  p.reply_deadband_permille = loop_.told_reply_deadband().relative_permille;
   p.send_hz = loop_.rate().rate_hz();
   p.send_full_hz = loop_.rate().full_hz();
   p.send_least_hz = loop_.rate().lowest_hz();

@@ -70,10 +70,11 @@ struct Progress {
   link::LinkQuality link;
   double playout_delay_ms = 0;  ///< 0: none
   std::uint64_t playout_late = 0;
-  std::uint64_t commands_held = 0;  ///< by the deadband
-  double send_hz = 0;               ///< datagrams a second that the link is given,
-  double send_full_hz = 0;          ///< at most,
-  double send_least_hz = 0;         ///< at least so far
+  std::uint64_t commands_held = 0;            ///< by the deadband
+  std::uint32_t reply_deadband_permille = 0;  ///< that the server was told last
+  double send_hz = 0;                         ///< datagrams a second that the link is given,
+  double send_full_hz = 0;                    ///< at most,
+  double send_least_hz = 0;                   ///< at least so far
   link::RateReason send_reason = link::RateReason::kFixed;
   std::uint64_t send_lowered = 0;  ///< times, by a queue, losses or silence
   double energy_j = 0;

@@ -14,6 +14,7 @@
 #include "telenano/master/app/run/next_run.h"
 #include "telenano/master/app/run/run_options.h"
 #include "telenano/master/app/run/run_session.h"
+#include "telenano/master/app/station_file.h"
 
 namespace telenano::app {
 namespace {
@@ -57,6 +58,14 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
                   "Number of earlier commands repeated in each datagram, so that the slave gets the whole "
                   "path over a lossy link (default: 0)")
       ->check(CLI::Range(0, 4));
+  command
+      .add_option(
+          "--reply-deadband", options.reply_deadband_permille,
+          "Let the server leave out replies whose force differs from the last one's by less than this, in "
+          "thousandths of that; 0: none. Default: up to the station file's value, where the link is full "
+          "and nothing is recorded. Not with a twin")
+      ->type_name("PERMILLE")
+      ->check(CLI::Range(0.0, kReplyDeadbandMost_permille));
   command
       .add_option("--send-hz", options.send_hz,
                   "Datagrams per second: auto (default): as many as the link carries without queueing, at "

@@ -28,6 +28,7 @@ struct RunOptions : connection::ServerAccess {
   std::optional<double> compand;
   bool allow_unsafe_scaling = false;
   std::optional<int> redundancy;
+  std::optional<double> reply_deadband_permille;
   std::string send_hz;  ///< "auto" or a number; empty: the station file's
   std::string dscp = "ef";
   std::optional<link::PracticeLink> practice;

@@ -23,6 +23,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
   if (p.send_hz < p.send_full_hz)
     line += fmt::format("  sending {:.0f} of {:.0f} Hz: {}", p.send_hz, p.send_full_hz,
                         link::name(p.send_reason));
+  if (p.reply_deadband_permille > 0 || p.link.replies_left_out > 0)
+    line += fmt::format("  {} replies left out", p.link.replies_left_out);
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
   if (p.twin == station::TwinState::kApart)
@@ -43,7 +45,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
   }
   if (p.shutting_down) line += "  server has shut down, trying again";
   if ((p.station_faults & station::kFaultOld) != 0) line += "  the round trip is too long: force is zero";
-  if ((p.slave_faults & link::kFaultShare) != 0) line += "  beyond the share of the server: the tip lags";
+  if ((p.slave_faults & link::kFaultShare) != 0)
+    line += "  beyond this session's share of the server: the tip lags";
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
     fmt::print(stderr, "\r{:<190}", line);
@@ -56,16 +59,16 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
 static const char* why_no_twin(station::TwinEnd end) noexcept {
   switch (end) {
     case station::TwinEnd::kUnconfirmed:
-      return "the server answers, but neither confirms its slave's state nor gives it";
+      return "the server answers, but neither confirms its slave's state nor sends it";
     case station::TwinEnd::kNotFinite:
-      return "the scene's slave came to numbers that are none";
+      return "the twin computed a value that is not a number";
     case station::TwinEnd::kRefused:
-      return "the state of the server's slave cannot be had";
+      return "the state of the server's slave cannot be fetched";
     case station::TwinEnd::kParted:
     case station::TwinEnd::kNone:
       break;
   }
-  return "what the server's slave does is not what its scene does here";
+  return "the server's slave does not do what its scene does here";
 }
 
 void print_changes(const Progress& before, const Progress& now, bool terminal) {
@@ -76,7 +79,7 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
   }
   if (before.observes != now.observes) {
     fmt::print(stderr, "{}{}\n", end_of_line,
-               now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"
+               now.observes ? "another session holds the tip, or none: observing, the force is zero"
                             : "the tip is this session's");
   }
   if (before.tip_up != now.tip_up) {
@@ -133,6 +136,10 @@ void print_sending(const Progress& last) {
   fmt::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
              "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,
              last.send_lowered);
+  if (last.link.replies_left_out > 0)
+    fmt::print(stderr, "  {:<36} {} of {}, their force within the deadband\n", "replies left out",
+               last.link.replies_left_out,
+               last.link.replies_left_out + last.link.replies + last.link.replies_lost);
 }
 
 std::string slave_fault_names() {

@@ -3,15 +3,15 @@
 #include <cmath>
 
 #include "telenano/common/rt/steady_clock.h"
-#include "telenano/master/app/run/keep_awake.h"
+#include "telenano/master/loop/session_tender.h"
 
 namespace telenano::app {
 
 void wait_for_scene(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                    scene_store::SceneKeeper& keeper, SceneWait wanted, double wait_s,
+                    scene_store::SceneKeeper& keeper, SceneWait wanted, double wait_s, double rate_hz,
                     const std::atomic<bool>& stop) {
   const rt::SteadyClock clock;
-  SessionTender tender(session, way.datagram(), server, keeper.pipe());
+  loop::SessionTender tender(session, way.datagram(), server, keeper.pipe(), clock, rate_hz);
   const std::int64_t end_ns = clock.now_ns() + std::llround(1e9 * wait_s);
   while (!stop && session.has_session() && clock.now_ns() < end_ns) {
     tender.turn();

@@ -14,9 +14,9 @@ namespace telenano::app {
 enum class SceneWait { kBytes, kGround, kLookedAt };
 
 /// Gives the scene a little time before the loop begins. The session is kept awake meanwhile; what is not here in time comes while it runs. Returns
-/// after at most `wait_s`, or on `stop`.
+/// after at most `wait_s`, or on `stop`. `rate_hz`: the session's.
 void wait_for_scene(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                    scene_store::SceneKeeper& keeper, SceneWait wanted, double wait_s,
+                    scene_store::SceneKeeper& keeper, SceneWait wanted, double wait_s, double rate_hz,
                     const std::atomic<bool>& stop);
 
 }  // namespace telenano::app

@@ -11,7 +11,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/rt/steady_clock.h"
-#include "telenano/master/app/run/keep_awake.h"
+#include "telenano/master/loop/session_tender.h"
 
 namespace telenano::app {
 namespace {
@@ -27,6 +27,9 @@ std::string text_of(const link::SceneName& name) {
   return {name.text.begin(), std::find(name.text.begin(), name.text.end(), '\0')};
 }
 
+/// Nothing is fetched meanwhile: any session takes so many commands.
+constexpr double kFewest_hz = 10;
+
 /// Tends the session until `done`; `on_event` hears what comes, `send` has its turn each time. False: the time was
 /// over, or the session is gone.
 bool tend_until(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
@@ -34,7 +37,7 @@ bool tend_until(link::ClientSession& session, connection::ServerLink& way, const
                 const std::function<void(link::ClientEvent)>& on_event,
                 const std::function<void(std::int64_t)>& send, const std::function<bool()>& done) {
   const rt::SteadyClock clock;
-  SessionTender tender(session, way.datagram(), server, pipe);
+  loop::SessionTender tender(session, way.datagram(), server, pipe, clock, kFewest_hz);
   tender.on_event = on_event;
   const std::int64_t end_ns = clock.now_ns() + std::llround(1e9 * most_s);
   while (!done()) {
@@ -95,7 +98,7 @@ void choose_scene(link::ClientSession& session, connection::ServerLink& way, con
   if (wanted == scenes.end()) {
     if (scenes.empty() && served == name) return;
     throw RunError(scenes.empty()
-                       ? fmt::format("--server-scene '{}': the server serves '{}' alone", name, served)
+                       ? fmt::format("--server-scene '{}': the server serves only '{}'", name, served)
                        : fmt::format("--server-scene '{}': the server has {}", name, names_of(scenes)));
   }
   if (session.welcome().scene_hash == wanted->hash) return;
@@ -109,12 +112,13 @@ void choose_scene(link::ClientSession& session, connection::ServerLink& way, con
   const bool in_time = tend_until(
       session, way, server, pipe, kSwitchS, stop, [](link::ClientEvent) {}, ask, answered);
   if (!in_time)
-    throw RunError(fmt::format("the server does not bring the session to its scene '{}': no answer", name));
+    throw RunError(
+        fmt::format("the server did not move the session to its scene '{}': it does not answer", name));
   if (session.scene_switching() == link::SceneSwitching::kDone) return;
   const bool rate = session.refuse().reason == link::RefuseReason::kRate;
-  throw RunError(fmt::format("the server does not bring the session to its scene '{}': {}", name,
+  throw RunError(fmt::format("the server did not move the session to its scene '{}': {}", name,
                              rate ? "it takes fewer commands a second; try a lower --rate"
-                                  : "it has no place for it now; try again later"));
+                                  : "it has no room there now; try again later"));
 }
 
 }  // namespace telenano::app

@@ -115,11 +115,11 @@ view_model::Ground recorded_ground(const recording::RecordingReader& reader,
   if (!held.empty()) {
     try {
       const auto bundle = from_base64(held);
-      if (!bundle) throw RunError("is not written as a bundle is");
+      if (!bundle) throw RunError("is not a valid bundle");
       scene_store::CheckedScene scene =
           scene_store::read_finding(scene_store::SceneChecker().look_at(*bundle));
       if (fmt::format("{:016x}", scene.scene_hash) != reader.configuration("scene_hash"))
-        throw RunError("is another one than the session's");
+        throw RunError("differs from the session's");
       if (!scene.ground.z_nm.empty()) return view_model::Ground(std::move(scene.ground));
     } catch (const std::exception& error) {
       fmt::print(stderr, "note: {}: the scene in it: {}; a plane is drawn\n", reader.path().string(),
@@ -153,7 +153,7 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
     size = parse_picture_size(options.screenshot_size);
     const fs::path folder = fs::path(options.screenshot).parent_path();
     if (!folder.empty() && !fs::is_directory(folder))
-      throw UserError("--screenshot: " + folder.string() + " is no folder");
+      throw UserError("--screenshot: " + folder.string() + " is not a folder");
   }
   const recording::RecordingReader reader = recording::RecordingReader::isolated(file);
   if (!photo && !viewer::has_display())

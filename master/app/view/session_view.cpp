@@ -80,7 +80,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
     parts_->size = parse_picture_size(options.screenshot_size);
     const fs::path folder = fs::path(options.screenshot).parent_path();
     if (!folder.empty() && !fs::is_directory(folder))
-      throw UserError("--screenshot: " + folder.string() + " is no folder");
+      throw UserError("--screenshot: " + folder.string() + " is not a folder");
   }
   if (window_ && !viewer::has_display())
     throw UserError(
@@ -275,9 +275,7 @@ std::string SessionView::run(const RealTimeSession& live, bool give_way, const C
     return frames;
   } catch (...) {
     // Without its picture a session would go on unseen, and with a mouse for ever.
-    view_model::ViewRequest quit;
-    quit.kind = view_model::ViewRequest::Kind::kQuit;
-    port_.requests.push(quit);
+    port_.quit.store(true);
     throw;
   }
 }

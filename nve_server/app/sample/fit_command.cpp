@@ -55,8 +55,9 @@ void fit_one(const FitOptions& options, const fit::FitSetup& setup, const fit::P
   if (curve.looks_exchanged && !curve.fit.error.empty()) curve.fit.error += std::string("; ") + kExchanged;
   const double k = how.stiffness_n_m;
   if (raw.stiffness_n_m && std::abs(*raw.stiffness_n_m / k - 1.0) > 0.01) {
-    curve.notes.push_back("the file has a lever of " + number_text(*raw.stiffness_n_m) +
-                          " N/m, fitted with " + number_text(k) + " N/m: --stiffness-n-m takes another");
+    curve.notes.push_back("the file says that its lever has " + number_text(*raw.stiffness_n_m) +
+                          " N/m, and the fit uses " + number_text(k) +
+                          " N/m: --stiffness-n-m chooses another");
   }
 }
 

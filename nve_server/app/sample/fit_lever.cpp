@@ -72,8 +72,9 @@ MeasuredLever by_reference(const FitOptions& options) {
   if (!curve.error.empty()) throw UserError(options.reference + ": " + curve.error);
   const fit::ReferenceSlope slope = fit::reference_slope(curve);
   if (!(slope.value > 0.02 && slope.value < 0.98)) {
-    throw UserError(options.reference + ": its deflection grows by " + number_text(slope.value, 3) +
-                    " of the base's way, expected 0.02 to 0.98: a reference about as stiff as the lever");
+    throw UserError(
+        options.reference + ": its deflection grows by " + number_text(slope.value, 3) +
+        " nm per nm of the base, expected 0.02 to 0.98: use a reference about as stiff as the lever");
   }
   MeasuredLever lever;
   lever.stiffness_n_m = *options.reference_n_m * (1.0 - slope.value) / slope.value;

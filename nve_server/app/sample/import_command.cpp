@@ -256,8 +256,8 @@ void clean(surface::HeightGrid& grid, const Options& options, Account& account) 
     const double noise_nm = import::pixel_noise_nm(grid);
     const std::size_t count = import::remove_spikes(grid, *sigma);
     account.add("spikes",
-                words(count, " pixels apart from their surroundings by more than ", *sigma,
-                      " times the noise of a pixel (", noise_nm, " nm) replaced by the median around"));
+                words(count, " pixels that differ from their surroundings by more than ", *sigma,
+                      " times the noise of a pixel (", noise_nm, " nm) replaced by the median around them"));
   } else if (const std::size_t count = import::count_spikes(grid, kSpikesHinted); count > 0) {
     account.warn(words(count, " single pixels stand out by more than ", kSpikesHinted,
                        " times the noise and will be felt: --spikes ", kSpikesHinted, " takes them out"));
@@ -306,26 +306,26 @@ double measuring_radius_nm(const surface::Scan& scan, const Options& options, Ac
         ": --deconvolve-radius-nm blind: nothing in the scan is sharp enough to tell the tip: give the "
         "radius");
   }
-  account.add("tip", words("the one that measured was no blunter than ", radius_nm,
-                           " nm, by the scan itself; as blunt only if something in it is sharper"));
+  account.add("tip", words("the one that measured the scan was no blunter than ", radius_nm,
+                           " nm; it was as blunt only if something in the scan is sharper"));
   return radius_nm;
 }
 
-import::Erosion deconvolve(surface::Scan& scan, double radius_nm,
-                           Account& account){import::Erosion erosion = import::erode(scan.grid, radius_nm);
-double lowered_nm = 0;
-for (std::size_t i = 0; i < erosion.z_nm.size(); ++i)
-  lowered_nm = std::max(lowered_nm, scan.grid.z_nm[i] - erosion.z_nm[i]);
-const double percent =
-    100.0 * static_cast<double>(erosion.certain_count) / static_cast<double>(erosion.z_nm.size());
-account.add("deconvolved", words("eroded by a paraboloid of ", radius_nm, " nm radius, by up to ", lowered_nm,
-                                 " nm; ", erosion.certain_count, " of ", erosion.z_nm.size(),
-                                 " pixels certain (", percent, " %), elsewhere the ground may be lower"));
-account.add("such a tip", words("measures the scan to ", erosion.misfit_rms_nm, " nm rms, ",
-                                erosion.misfit_max_nm, " nm at most"));
-scan.grid.z_nm = erosion.z_nm;
-return erosion;
-}  // namespace
+auto deconvolve(surface::Scan& scan, double radius_nm, Account& account) {
+  auto erosion = import::erode(scan.grid, radius_nm);
+  double lowered_nm = 0;
+  for (std::size_t i = 0; i < erosion.z_nm.size(); ++i)
+    lowered_nm = std::max(lowered_nm, scan.grid.z_nm[i] - erosion.z_nm[i]);
+  const double percent =
+      100.0 * static_cast<double>(erosion.certain_count) / static_cast<double>(erosion.z_nm.size());
+  account.add("deconvolved", words("eroded by a paraboloid of ", radius_nm, " nm radius, by up to ",
+                                   lowered_nm, " nm; ", erosion.certain_count, " of ", erosion.z_nm.size(),
+                                   " pixels certain (", percent, " %), elsewhere the ground may be lower"));
+  account.add("such a tip", words("measures the scan to ", erosion.misfit_rms_nm, " nm rms, ",
+                                  erosion.misfit_max_nm, " nm at most"));
+  scan.grid.z_nm = erosion.z_nm;
+  return erosion;
+}
 
 struct Targets {
   std::filesystem::path folder;
@@ -482,7 +482,7 @@ void run(const Options& options) {
   account.print_warnings(options.file);
 }
 
-}  // namespace telenano::app
+}  // namespace
 
 void add_import_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(

@@ -401,7 +401,7 @@ std::unique_ptr<server::SessionState> CheckpointKeeper::take_up(std::uint64_t to
     std::vector<std::uint8_t> file = read_file(found.path, bytes_ + server::kEnvelopeBytes);
     server::CheckpointEnvelope envelope;
     if (server::unseal(file, envelope).empty()) {
-      warn_once(found.path.string(), found.path.string() + ": is not a whole checkpoint of this scene");
+      warn_once(found.path.string(), found.path.string() + ": is not a complete checkpoint of this scene");
       continue;
     }
     if (newest != nullptr && envelope.number <= newest_envelope.number) continue;

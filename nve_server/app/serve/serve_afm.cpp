@@ -42,14 +42,15 @@ std::vector<std::string> risks_of(const afm::AfmConfig& config) {
     // As the checks set SafeTip: two steps above the slave's own trip.
     const double safe_tip_nn = config.force_max_nn + 4 * config.step_nm * config.spring_constant_n_m;
     risks.push_back(fmt::format(
-        "without a deadman: if this machine dies, or the network to the controller, with the tip on the "
-        "sample, it stays there; the controller's SafeTip acts at some {:.0f} nN only",
+        "without a deadman: if this machine or the network to the controller fails while the tip is on the "
+        "sample, the tip stays there; the controller's SafeTip acts only at some {:.0f} nN",
         safe_tip_nn));
   }
   if (config.along_slope == 0) {
     risks.push_back(
-        "without limits.along_slope: no signal shows the force of a face that leans along the lever, "
-        "thousands of nN on the corner of a wall of 20 nm; tell how steep the sample is, if you know");
+        "without limits.along_slope: no signal shows the force of a face that leans along the lever, which "
+        "is thousands of nN at the corner of a wall of 20 nm; give along_slope if you know how steep the "
+        "sample is");
   }
   return risks;
 }
@@ -186,12 +187,12 @@ void ServeAfm::write_metrics(metrics::Page& page) const {
   page.gauge("telenano_afm_withdrawn", "1 while the tip is up", s.phase == afm::Phase::kWithdrawn ? 1 : 0);
   page.counter("telenano_afm_withdrawals_total", "Withdrawals that an operator must clear",
                static_cast<double>(s.latches));
-  page.gauge("telenano_afm_force_newtons", "Newest reading along Z", 1e-9 * s.measured_force_w_nn.z());
+  page.gauge("telenano_afm_force_newtons", "Newest reading of the force along Z",
+             1e-9 * s.measured_force_w_nn.z());
   page.gauge("telenano_afm_drift_metres_per_second",
-             "Of the piezo's height at which the tip touches, as the touches say", 1e-9 * s.drift_nm_s);
+             "Drift of the height at which the tip touches, measured by its touches", 1e-9 * s.drift_nm_s);
   page.gauge("telenano_afm_surface_bound_metres",
-             "The surface is within this of where W's zero says, 95 % of the time",
-             1e-9 * s.surface_bound_nm);
+             "The surface is within this distance of W's zero, 95 % of the time", 1e-9 * s.surface_bound_nm);
 }
 
 void ServeAfm::stop() {

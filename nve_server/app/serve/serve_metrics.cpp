@@ -30,11 +30,12 @@ void write_sessions(const server::ServerSnapshot& s, const std::string& worker, 
     page.gauge("telenano_session_rate_hz", "Commands a second that the station said it would send",
                row.rate_hz, slot);
     page.gauge("telenano_session_rtt_seconds",
-               "Smoothed round trip to the station, its wait for a tick included; 0 = none yet", row.rtt_s,
+               "Smoothed round trip to the station, including its wait for a tick; 0 = none yet", row.rtt_s,
                slot);
-    page.gauge("telenano_session_jitter_seconds", "Interarrival jitter of its commands (RFC 3550)",
+    page.gauge("telenano_session_jitter_seconds", "Interarrival jitter of the session's commands (RFC 3550)",
                row.jitter_s, slot);
-    page.gauge("telenano_session_silent_seconds", "Since its last command", row.silent_s, slot);
+    page.gauge("telenano_session_silent_seconds", "Time since the session's last command", row.silent_s,
+               slot);
     page.counter("telenano_session_commands_total", "Commands accepted", number(row.commands), slot);
     page.counter("telenano_session_commands_lost_total", "Commands that never came", number(row.lost), slot);
     page.counter("telenano_session_commands_reordered_total", "Commands that a newer one had overtaken",
@@ -61,7 +62,8 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
     s.occupied += each[i].occupied;
   }
 
-  page.gauge("telenano_build_info", "1; what is running", 1, {{"version", kVersion}, {"commit", kGitCommit}});
+  page.gauge("telenano_build_info", "Always 1; the labels say what is running", 1,
+             {{"version", kVersion}, {"commit", kGitCommit}});
   page.gauge("telenano_sessions", "Sessions in use", s.active, {{"state", "active"}});
   page.gauge("telenano_sessions", "", s.occupied - s.active, {{"state", "silent_or_ending"}});
   page.counter("telenano_sessions_opened_total", "Sessions opened", number(s.counters.opened));
@@ -70,7 +72,10 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
                number(s.counters.timed_out));
   page.counter("telenano_sessions_ended_total", "Sessions ended by Bye", number(s.counters.ended));
   page.counter("telenano_datagrams_total", "Datagrams received", number(s.counters.datagrams));
-  page.counter("telenano_exchanges_total", "Commands answered", number(s.counters.exchanges));
+  page.counter("telenano_exchanges_total", "Commands accepted", number(s.counters.exchanges));
+  page.counter("telenano_replies_left_out_total",
+               "Commands accepted whose reply was left out, its force within the station's deadband",
+               number(s.counters.left_out));
   page.counter("telenano_scene_pieces_total", "Pieces of the scene that stations have fetched",
                number(s.counters.scene_chunks));
   page.counter("telenano_commands_recovered_total", "Lost commands that a later datagram repeated",
@@ -82,8 +87,8 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
       "Commands answered whose motion was left to later ones: the session's share was used up, or the "
       "server behind",
       number(s.counters.deferred));
-  page.counter("telenano_steps_cut_total", "Steps that ended before their way did, for their session's share",
-               number(s.counters.cut));
+  page.counter("telenano_steps_cut_total",
+               "Steps that were cut short because their session's share was used up", number(s.counters.cut));
   for (std::size_t i = 1; i < s.drops.size(); ++i) {
     page.counter("telenano_drops_total", "Datagrams not used, by cause (PROTOCOL.md, section 8)",
                  number(s.drops[i]), {{"cause", link::name(static_cast<link::DropCause>(i))}});
@@ -101,8 +106,8 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
   for (const security::DtlsServer* const channel : channels) events.add(channel->counters());
   for (std::size_t i = 0; i < security::kSecurityEvents; ++i) {
     const auto event = static_cast<security::SecurityEvent>(i);
-    page.counter("telenano_security_events_total", "What the encrypted channels have seen",
-                 number(events[event]), {{"event", label(security::name(event))}});
+    page.counter("telenano_security_events_total", "Events of the encrypted channels", number(events[event]),
+                 {{"event", label(security::name(event))}});
   }
 }
 

@@ -43,8 +43,8 @@ class WatchedSlave final : public slave::Slave {
   bool load(std::span<const std::uint8_t> bytes) noexcept override { return inner_->load(bytes); }
   void reset() noexcept override { inner_->reset(); }
   bool say_again(slave::SlaveOutput& output) noexcept override { return inner_->say_again(output); }
-  slave::UndoResult undo_marks(slave::SlaveOutput& output) noexcept override {
-    return inner_->undo_marks(output);
+  slave::UndoResult undo_marks(std::uint64_t of, slave::SlaveOutput& output) noexcept override {
+    return inner_->undo_marks(of, output);
   }
   std::size_t snapshot_bytes_max() const noexcept override { return inner_->snapshot_bytes_max(); }
   std::shared_ptr<const surface::HeightView> heights() const override { return inner_->heights(); }

@@ -107,8 +107,8 @@ class SurfaceKeeper::KeptSlave final : public slave::Slave {
     }
   }
   bool say_again(slave::SlaveOutput& output) noexcept override { return slave_->say_again(output); }
-  slave::UndoResult undo_marks(slave::SlaveOutput& output) noexcept override {
-    return slave_->undo_marks(output);
+  slave::UndoResult undo_marks(std::uint64_t of, slave::SlaveOutput& output) noexcept override {
+    return slave_->undo_marks(of, output);
   }
   std::size_t snapshot_bytes_max() const noexcept override { return slave_->snapshot_bytes_max(); }
   std::shared_ptr<const surface::HeightView> heights() const override { return slave_->heights(); }

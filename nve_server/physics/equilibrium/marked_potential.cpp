@@ -227,7 +227,7 @@ void MarkedPotential::accept(const TipSolution& accepted) noexcept {
   ++marks_;
   if (!in_stroke_) {
     in_stroke_ = true;
-    strokes_.begin(heights_.marked());
+    strokes_.begin(heights_.marked(), maker_);
     if (journal_ != nullptr) journal_->on_stroke();
   }
   const double per_depth = pending_lowered_nm_ / flow.depth_nm;

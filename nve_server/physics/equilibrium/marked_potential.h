@@ -78,6 +78,14 @@ class MarkedPotential {
     strokes_.clear();
     in_stroke_ = false;
   }
+  /// Who marks from now on; 0: as before. Another's marks are another stroke, also where the tip has not parted.
+  void set_maker(std::uint64_t maker) noexcept {
+    if (maker == 0 || maker == maker_) return;
+    maker_ = maker;
+    in_stroke_ = false;
+  }
+  /// Who made the stroke that exchange_stroke() would take back; 0: there is none, or it is not known.
+  std::uint64_t stroke_maker() const noexcept { return strokes_.maker(); }
   const LastStep& last_step() const noexcept { return last_; }
   void set_last_step(const LastStep& last) noexcept { last_ = last; }
   /// Steps that left a mark.
@@ -138,6 +146,7 @@ class MarkedPotential {
   std::uint64_t marks_ = 0;
   MarkJournal* journal_ = nullptr;
   StrokeHistory strokes_;
+  std::uint64_t maker_ = 0;
   bool in_stroke_ = false;  // the tip has marked since it touched
 };
 

@@ -8,6 +8,8 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
+#include "telenano/common/base/renew.h"
+#include "telenano/nve_server/physics/numerics/cholesky_nine.h"
 
 namespace telenano::physics {
 namespace {
@@ -111,7 +113,7 @@ bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noe
   const bool attracts = ground.potential().law().parameters().van_der_waals;
   const Branch outer = attracts ? Branch::kVanDerWaals : Branch::kFree;
   Equilibrium& law = contact.law;
-  law = {};
+  renew(law);
   law.branch = !contact.place.inside      ? outer
                : at.size.square_nm2 > 0.0 ? Branch::kContact
                                           : Branch::kNonContact;
@@ -173,13 +175,18 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       if (turns) slip += lever * n.cross(turn);
       contact.slide = respond(held.slide, held.slide_nm + slip);
     } else {
-      contact.slide = {};
+      renew(contact.slide);
     }
-    contact.roll = contact.spin = {};
-    if (turns) {
-      const Vec3 spin = n * n.dot(turn);
-      if (held.roll.acts()) contact.roll = respond(held.roll, held.roll_rad + turn - spin);
-      if (held.spin.acts()) contact.spin = respond(held.spin, held.spin_rad + spin);
+    const Vec3 spin = turns ? Vec3(n * n.dot(turn)) : Vec3(Vec3::Zero());
+    if (turns && held.roll.acts()) {
+      contact.roll = respond(held.roll, held.roll_rad + turn - spin);
+    } else {
+      renew(contact.roll);
+    }
+    if (turns && held.spin.acts()) {
+      contact.spin = respond(held.spin, held.spin_rad + spin);
+    } else {
+      renew(contact.spin);
     }
 
     potential +=
@@ -285,8 +292,8 @@ bool ParticleBalance::find_tip_step(bool convex, Vec9& step) const noexcept {
 bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
   if (asleep_) return find_tip_step(convex, step);
   Mat9 h = hessian(*best_, convex);
-  Eigen::LLT<Mat9> factor(h);
-  if (factor.info() != Eigen::Success) return false;
+  CholeskyNine factor;
+  if (!factor.compute(h)) return false;
   step = -factor.solve(best_->gradient);
   // A particle that little holds would go far: held back by springs of its own, so that the tip, which may be
   // held by stiff ones, still goes all its way.
@@ -300,8 +307,7 @@ bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
     h.block<3, 3>(3, 3).diagonal().array() += more;
     h.block<3, 3>(6, 6).diagonal().array() += more * lever * lever;
     springs += more;
-    factor.compute(h);
-    if (factor.info() != Eigen::Success) return false;
+    if (!factor.compute(h)) return false;
     step = -factor.solve(best_->gradient);
   }
   step /= std::max(1.0, excess(step));

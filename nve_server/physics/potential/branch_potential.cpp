@@ -7,6 +7,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/renew.h"
 
 namespace telenano::physics {
 namespace {
@@ -251,7 +252,7 @@ double BranchPotential::touch_energy_aj(double log_radius) const noexcept {
 }
 
 void BranchPotential::outside(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
-  jet = {};
+  renew(jet);
   const VanDerWaals& attraction = medium_.van_der_waals();
   if (attraction.hamaker_aj > 0) {
     const double radius = det_exp(log_radius);

@@ -106,6 +106,42 @@ struct CraterRow {
   }
 };
 
+/// Raises `count` coefficients in a row by height · level, those of a level above 0, and tells by how much their words have grown.
+/// Their number of lanes is a constant, so that nothing is looked up for each.
+template <int kLanesEach, bool kTwoLevels>
+std::uint64_t raise_row(double* at, std::size_t number, const double* level, int count,
+                        double height) noexcept {
+  std::uint64_t change = 0;
+  for (int i = 0; i < count; ++i, ++number, at += kLanesEach) {
+    if (!(level[i] > 0.0)) continue;
+    const double rise = height * level[i];
+    change -= word_of(number, at, kTwoLevels);
+    at[0] += rise;
+    if constexpr (kTwoLevels) at[3] += rise;
+    change += word_of(number, at, kTwoLevels);
+  }
+  return change;
+}
+
+/// The same for what falls in a crater, with ρ rising.
+template <int kLanesEach, bool kTwoLevels>
+std::uint64_t lower_row(double* line, std::size_t first, const CraterRow& part, int from, int to) noexcept {
+  std::uint64_t change = 0;
+  for (int k = from; k < to; ++k) {
+    const auto i = static_cast<std::size_t>(part.column[k]);
+    double* const at = line + i * kLanesEach;
+    change -= word_of(first + i, at, kTwoLevels);
+    at[0] -= part.fall[k];
+    at[1] += part.rise[k];
+    if constexpr (kTwoLevels) {
+      at[3] -= part.fall[k];
+      at[4] += part.rise[k];
+    }
+    change += word_of(first + i, at, kTwoLevels);
+  }
+  return change;
+}
+
 // What a snapshot may say that marks have done, wherever it comes from: no tip has pressed deeper, no heap
 // stands higher, and the law has no radius beyond (branch_potential.h).
 constexpr double kMostPressed_nm = 1e4;
@@ -445,24 +481,31 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
         } else {
           part.rise_by_level(mark.log_radius_rise);
         }
-        for (int k = 0; k < part.count; ++k) {
+        double* const at_line = grid.own + line * lanes;
+        const auto lower = [&](int first, int last) {
+          grid.digest += two_levels ? lower_row<kLanes, true>(at_line, line, part, first, last)
+                                    : lower_row<kLayerLanes, false>(at_line, line, part, first, last);
+        };
+        // The 16 that reach the mark are in the digest when all is done.
+        int reached = part.count, beyond = part.count;
+        if (j >= row && j <= row + 3) {
+          const int* const begin = part.column;
+          reached = static_cast<int>(std::lower_bound(begin, begin + part.count, column) - begin);
+          beyond = static_cast<int>(std::lower_bound(begin, begin + part.count, column + 4) - begin);
+        }
+        lower(0, reached);
+        for (int k = reached; k < beyond; ++k) {
           const int i = part.column[k];
-          const bool reached = reaches(i, j);
-          const std::size_t number = line + static_cast<std::size_t>(i);
-          double* const at = grid.own + number * lanes;
-          if (!reached) grid.digest -= grid.word(number);
+          double* const at = at_line + static_cast<std::size_t>(i) * lanes;
           at[0] -= part.fall[k];
           at[1] += part.rise[k];
           if (two_levels) {
             at[3] -= part.fall[k];
             at[4] += part.rise[k];
           }
-          if (reached) {
-            risen[g] += wx.value[i - column] * wy.value[j - row] * part.rise[k];
-          } else {
-            grid.digest += grid.word(number);
-          }
+          risen[g] += wx.value[i - column] * wy.value[j - row] * part.rise[k];
         }
+        lower(beyond, part.count);
       }
     }
   });
@@ -491,6 +534,11 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
   };
   double heap = 0;
   each_of_heap([&](int j, int from, int count, const double* level) {
+    const bool near = j >= row && j <= row + 3 && from <= column + 3 && from + count > column;
+    if (!near && inside(from, j) && inside(from + count - 1, j)) {
+      for (int i = 0; i < count; ++i) heap += level[i];  // what is none adds 0
+      return;
+    }
     for (int i = 0; i < count; ++i) {
       if (level[i] > 0.0 && !reaches(from + i, j) && inside(from + i, j)) heap += level[i];
     }
@@ -499,22 +547,21 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
   const double height = mark.pile_up * lost / heap;
   rows_of_heap.again();
   each_of_heap([&](int j, int from, int count, const double* level) {
-    for (Grid* const grid : grids) {
-      const bool two_levels = grid->lanes == kLanes;
-      const std::size_t first = number_of(from, j);
-      double* at = grid->own + first * static_cast<std::size_t>(grid->lanes);
-      std::uint64_t change = 0;
-      for (int i = 0; i < count; ++i, at += grid->lanes) {
-        if (!(level[i] > 0.0) || reaches(from + i, j)) continue;
-        const std::size_t number = first + static_cast<std::size_t>(i);
-        const double rise = height * level[i];
-        change -= word_of(number, at, two_levels);
-        at[0] += rise;
-        if (two_levels) at[3] += rise;
-        change += word_of(number, at, two_levels);
+    const auto raise = [&](int first, int last) {  // of the row's columns
+      if (first >= last) return;
+      for (Grid* const grid : grids) {
+        const std::size_t number = number_of(first, j);
+        double* const at = grid->own + number * static_cast<std::size_t>(grid->lanes);
+        const double* const levels = level + (first - from);
+        grid->digest += grid->lanes == kLanes
+                            ? raise_row<kLanes, true>(at, number, levels, last - first, height)
+                            : raise_row<kLayerLanes, false>(at, number, levels, last - first, height);
       }
-      grid->digest += change;
-    }
+    };
+    const int end = from + count;
+    const bool near = j >= row && j <= row + 3;
+    raise(from, near ? std::min(end, column) : end);
+    if (near) raise(std::max(from, column + 4), end);
   });
 }
 

@@ -5,6 +5,7 @@
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/renew.h"
 
 namespace telenano::physics {
 namespace {
@@ -78,7 +79,7 @@ PlaneFields::PlaneFields(const PlaneSurface::Shape& shape, double tip_radius_nm)
 }
 
 void PlaneFields::contact_at(const Vec3& apex, ContactJet& jet) const noexcept {
-  jet = ContactJet{};
+  renew(jet);
   jet.overlap_nm = slope_.dot(apex) + offset_;
   jet.overlap_grad = slope_;
   jet.log_radius = log_radius_;

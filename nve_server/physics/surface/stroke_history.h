@@ -26,9 +26,11 @@ class StrokeHistory {
     for (const std::size_t tiles : tiles_of) seen_.emplace_back(tiles, 0);
   }
 
-  void begin(bool marked_before) noexcept {
+  /// `maker`: whose it is, as who keeps it counts them.
+  void begin(bool marked_before, std::uint64_t maker = 0) noexcept {
     ++stroke_;
     marked_before_ = marked_before;
+    maker_ = maker;
     lost_ = false;
   }
   /// A tile is going to change. Room for its values, to be written there now; null: they are kept already, or
@@ -42,7 +44,8 @@ class StrokeHistory {
     }
     seen_[grid][tile] = stroke_;
     const std::size_t at = (first_ + count_++) % kTiles;
-    kept_[at] = {stroke_, static_cast<std::uint32_t>(grid), static_cast<std::uint32_t>(tile), marked_before_};
+    kept_[at] = {maker_, stroke_, static_cast<std::uint32_t>(grid), static_cast<std::uint32_t>(tile),
+                 marked_before_};
     return values_.get() + at * kTileValues;
   }
 
@@ -50,6 +53,8 @@ class StrokeHistory {
   bool empty() const noexcept { return count_ == 0; }
   /// Was anything marked before the last of them?
   bool marked_before() const noexcept { return count_ > 0 && last().marked_before; }
+  /// Whose the last of them is; 0: there is none, or nobody's in particular.
+  std::uint64_t maker() const noexcept { return count_ > 0 ? last().maker : 0; }
   /// Tells of each tile of the last stroke: put(grid, tile, its values before). They stay until drop_last().
   template <class Put>
   void each_of_last(const Put& put) noexcept {
@@ -73,6 +78,7 @@ class StrokeHistory {
     void operator()(double* p) const noexcept { std::free(p); }
   };
   struct Kept {
+    std::uint64_t maker = 0;
     std::uint32_t stroke = 0;
     std::uint32_t grid = 0;
     std::uint32_t tile = 0;
@@ -101,6 +107,7 @@ class StrokeHistory {
   std::unique_ptr<double[], Release> values_;
   std::vector<std::vector<std::uint32_t>> seen_;  // the stroke that keeps a tile, by grid and tile
   std::uint32_t stroke_ = 0;
+  std::uint64_t maker_ = 0;
   bool marked_before_ = false;
   bool lost_ = false;
 };

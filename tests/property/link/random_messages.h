@@ -204,6 +204,7 @@ inline Command any_command(Random& random) {
   if (random.chance(0.5)) m.tip_hold = any_u32(random);
   DrawLater later{random, 31};
   visit_feature_fields(m, later);
+  m.reply_deadband.relative_permille %= ReplyDeadband::kPermilleMost + 1;
   return m;
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "telenano/master/twin/scene_twin.h"
 #include "tests/property/twin/logged_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
@@ -515,6 +516,41 @@ TEST(Parting, AServerThatNeverGivesItsStateEndsTheTwin) {
     const station::StationTrace& t = session.loop().trace();
     EXPECT_EQ(t.twin_end, station::TwinEnd::kUnconfirmed);
     EXPECT_LT(t.energy_out_j - t.energy_in_j, session.station().config().allowance_j + 1e-3);
+  }
+}
+
+// How long the twin waits for the server's state follows the pace at which a thin link lets it be asked for. Pieces that
+// come at more than a quarter of that are a transfer, however long it takes; of fewer, or none, the time is stated:
+// t such that t − 4 · (pieces until t)/pace is what there is.
+TEST(Parting, ThePatienceWithATransferFollowsItsPace) {
+  constexpr double kTick_s = 1e-3, kRtt_s = 0.05, kLongest_s = 120;
+  const auto scene = deployed("flat_silicon_oxide");
+  for (const double pace_per_s : {20.0, 150.0, 2000.0}) {
+    for (const double share : {1.0, 0.3, 0.2, 0.1, 0.0}) {
+      SCOPED_TRACE(std::to_string(pace_per_s) + " a second, share " + std::to_string(share));
+      station::TwinRun twin({}, std::make_unique<telenano::twin::SceneTwin>(scene),
+                            std::make_unique<telenano::twin::SceneTwin>(scene));
+      link::StepReport report;
+      twin.begin(report, true, 0.5, 0);
+      report.breaks = 1;
+      report.break_reason = link::kBreakSilence;
+      twin.on_reply(report, 0);
+      ASSERT_EQ(twin.state(), station::TwinState::kApart);
+      double time_s = 0;
+      for (int tick = 0; time_s < kLongest_s && !twin.given_up(); ++tick) {
+        time_s = kTick_s * tick;
+        const auto pieces = static_cast<std::size_t>(share * pace_per_s * time_s);
+        twin.watch(kTick_s, true, kRtt_s, pieces, pace_per_s, std::llround(1e9 * time_s));
+      }
+      if (share > 0.25) {
+        EXPECT_FALSE(twin.given_up());
+        continue;
+      }
+      EXPECT_EQ(twin.end(), station::TwinEnd::kUnconfirmed);
+      const double stated_s = twin.unconfirmed_most_s(kRtt_s) / (1 - 4 * share);
+      // A piece more or less, and what a piece is worth more than the time since the last one is not saved up.
+      EXPECT_NEAR(time_s, stated_s, 0.01 + 5 * 4 / pace_per_s);
+    }
   }
 }
 

@@ -92,6 +92,18 @@ std::vector<Cell> companded_cells(const FidelityOptions& o, const std::vector<co
   return cells;
 }
 
+/// Each cell again with a deadband of replies, which a session with a twin has none of.
+std::vector<Cell> sparing_cells(const FidelityOptions& o, const std::vector<const SceneMotion*>& motions) {
+  std::vector<Cell> cells;
+  if (o.reply_permille <= 0) return cells;
+  for (Cell cell : cells_of(o, motions)) {
+    cell.reply_permille = o.reply_permille;
+    cell.keep_trace = false;
+    if (cell.method != control::Method::kTwin) cells.push_back(cell);
+  }
+  return cells;
+}
+
 std::vector<CellResult> run_cells(const std::vector<Cell>& cells, const ScenePairs& scenes,
                                   std::chrono::steady_clock::time_point begin) {
   std::vector<CellResult> results(cells.size());
@@ -174,6 +186,9 @@ bool run_fidelity(const FidelityOptions& given) {
   const std::vector<CellResult> results = run_cells(cells_of(options, motions), scenes, begin);
   const std::vector<CellResult> companded = run_cells(companded_cells(options, motions), scenes, begin);
   if (!companded.empty()) folder.write("companding.csv", companding_csv(results, companded));
+  if (options.reply_permille > 0)
+    folder.write("replies.csv",
+                 replies_csv(results, run_cells(sparing_cells(options, motions), scenes, begin)));
   const std::string csv = cells_csv(results);
   folder.write("fidelity.csv", csv);
   std::fputs(csv.c_str(), stdout);
@@ -219,6 +234,13 @@ void add_fidelity_command(CLI::App& app, int& exit_code) {
                     "seven motions, two round trips, four methods: a few seconds");
   command->add_flag("--check-sensitivity", a->options.check_sensitivity,
                     "also check that every deliberately wrong renderer is detected; exit status 1 if not");
+  command
+      ->add_option(
+          "--reply-deadband", a->options.reply_permille,
+          "run each cell once more with this deadband of replies, in thousandths of the force: replies.csv "
+          "says how many are left out and what that costs")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->type_name("PERMILLE");
   command->add_flag("--real", a->options.real,
                     "run the real programs through a relay in real time, with the first value of --rtt [100] "
                     "and of --loss [0.02]");

@@ -22,7 +22,8 @@ struct FidelityOptions {
   std::uint64_t seed = 1;
   bool quick = false;
   bool check_sensitivity = false;
-  bool real = false;  ///< the real programs instead of virtual time
+  double reply_permille = 0;  ///< > 0: each cell once more with this deadband of replies, in replies.csv
+  bool real = false;          ///< the real programs instead of virtual time
 };
 
 /// Felt force against true force. Writes into `out`: index.html (self-contained), fidelity.csv (one row a

@@ -55,6 +55,7 @@ CellResult run_cell(const Cell& cell, const ScenePairs& scenes, const MakeMethod
   session.station.allow_unsafe_scaling = true;  // `none` over a delay is beyond what is safe
   if (stand_in) session.make_method = [&] { return stand_in(session.station.scaling); };
   session.station.companding.gain = cell.compand;
+  session.link_options.reply_deadband.permille = cell.reply_permille;
   run.companding = session.station.companding;
   session.twin = run.by_executed_log = cell.method == control::Method::kTwin && !stand_in;
   session.task = device::Task::kScript;
@@ -104,6 +105,25 @@ std::string cells_csv(const std::vector<CellResult>& results) {
           h.effective_delay_derivative, h.time_offset_ms, h.value_gain, h.value_offset_n})
       csv.append(1, ',').append(number(value));
     csv += '\n';
+  }
+  return csv;
+}
+
+std::string replies_csv(const std::vector<CellResult>& results, const std::vector<CellResult>& sparing) {
+  std::string csv = "scene,motion,method,rtt_ms,loss,permille,left_out_share,nrmse,nrmse_with_every_reply\n";
+  const auto number = [](double value) {
+    return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string();
+  };
+  for (const CellResult& with : sparing) {
+    const Cell& c = with.cell;
+    for (const CellResult& r : results) {
+      const bool same = r.cell.motion == c.motion && r.cell.method == c.method && r.cell.rtt_ms == c.rtt_ms &&
+                        r.cell.loss == c.loss;
+      if (!same) continue;
+      csv += fmt::format("{},{},{},{:g},{:g},{:g},{:.3f},{},{}\n", c.motion->scene, c.motion->motion,
+                         control::method_name(c.method), c.rtt_ms, c.loss, c.reply_permille,
+                         with.run.left_out_share, number(with.metrics.nrmse), number(r.metrics.nrmse));
+    }
   }
   return csv;
 }

@@ -40,7 +40,8 @@ struct Cell {
   double loss = 0;  ///< of datagrams, each way, independent
   std::uint64_t seed = 1;
   bool keep_trace = false;
-  double compand = 1;  ///< `twin`: attraction before contact, up to so many times as strong
+  double compand = 1;         ///< `twin`: attraction before contact, up to so many times as strong
+  double reply_permille = 0;  ///< deadband of replies; not with `twin`
 };
 
 struct CellResult {
@@ -61,5 +62,9 @@ using MakeMethod = std::function<std::unique_ptr<control::StationMethod>(const c
 CellResult run_cell(const Cell& cell, const ScenePairs& scenes, const MakeMethod& stand_in = {});
 
 std::string cells_csv(const std::vector<CellResult>& results);
+
+/// What a deadband of replies saves and costs: a row for each of `sparing`, beside the same cell of `results`, which has
+/// every reply.
+std::string replies_csv(const std::vector<CellResult>& results, const std::vector<CellResult>& sparing);
 
 }  // namespace telenano::studies::fidelity

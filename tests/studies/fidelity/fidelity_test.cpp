@@ -314,7 +314,7 @@ TEST(FeltMetrics, AForceThatComesAfterTheContactCounts) {
 }
 
 /// A whole session over a link, on a wall that can be computed by hand; the hand swings in it.
-TouchOutcome on_a_wall(control::Method method, double rtt_ms) {
+TouchOutcome on_a_wall(control::Method method, double rtt_ms, double reply_permille = 0) {
   constexpr double kStartM = 0.005;  // a millimetre is a nanometre
   TouchRun run;
   support::AccountedHandConfig hand;
@@ -328,6 +328,7 @@ TouchOutcome on_a_wall(control::Method method, double rtt_ms) {
   run.session.make_slave = run.make_truth = [wall] { return std::make_unique<support::WallSlave>(wall); };
   run.session.station.method = method;
   run.session.station.allow_unsafe_scaling = true;
+  run.session.link_options.reply_deadband = {.permille = reply_permille, .adapts = false, .floor_n = 0};
   run.session.to_server.delay_ns = run.session.to_station.delay_ns = std::llround(0.5e6 * rtt_ms);
   run.ticks_max = 5000;
   TouchOutcome outcome = run_touch(run);
@@ -357,6 +358,23 @@ TEST(FidelityOnAWall, NoneOverADelayIsTheTruthSoMuchLater) {
 // The station's own model of this wall, learnt at the first touch, is the wall. What is left is the damper
 // that pays for the sampling of the spring: γ v ≤ K T v/2 of K A, an angle of half a tick, 0.006, and twice
 // that while it catches up.
+// What is held is within the deadband of the last force sent, so of the true one within p/(1 − p) of it.
+TEST(FidelityOnAWall, ADeadbandOfRepliesCostsNoMoreThanItself) {
+  EXPECT_EQ(on_a_wall(control::Method::kNone, 0).left_out_share, 0);
+  for (const double permille : {20.0, 100.0, 300.0}) {
+    const TouchOutcome run = on_a_wall(control::Method::kNone, 0, permille);
+    const FeltMetrics m = measure(run.trace, 0.3);
+    const double exact = measure(on_a_wall(control::Method::kNone, 0).trace, 0.3).nrmse;
+    const double p = 1e-3 * permille;
+    std::printf("%.0f per mille: %.0f %% of the replies left out, NRMSE %.4f instead of %.4f\n", permille,
+                100 * run.left_out_share, m.nrmse, exact);
+    EXPECT_LE(m.nrmse, exact + p / (1 - p));
+    EXPECT_GT(m.nrmse, exact);
+    EXPECT_GT(run.left_out_share, permille < 50 ? 0.3 : 0.7);
+    EXPECT_LT(run.left_out_share, 5.0 / 6 + 0.01) << "6 ms";
+  }
+}
+
 TEST(FidelityOnAWall, AModelOfAPlaneIsTheTruthAtAnyDelay) {
   const FeltMetrics m = measure(on_a_wall(control::Method::kModel, 100).trace, 0.3);
   EXPECT_LT(m.nrmse, 0.02);

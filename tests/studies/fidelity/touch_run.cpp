@@ -115,6 +115,10 @@ TouchOutcome run_touch(const TouchRun& run) {
     }
     outcome.executed = static_cast<std::int64_t>(log->size());
   }
+  const link::LinkQuality q = session.client().quality(session.now_ns());
+  const auto left_out = static_cast<double>(q.replies_left_out);
+  if (left_out > 0)
+    outcome.left_out_share = left_out / (left_out + static_cast<double>(q.replies + q.replies_lost));
   std::int64_t touching = 0, clamped = 0;
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     touching += outcome.trace.rows[i].touches;

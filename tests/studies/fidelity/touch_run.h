@@ -31,6 +31,7 @@ struct TouchOutcome {
   /// With the executed log: steps in it, and ticks whose own step is not, which are judged by the last that
   /// is.
   std::int64_t unexecuted = 0, executed = 0;
+  double left_out_share = 0;  ///< of the replies to accepted commands: not sent, within the deadband
 };
 
 /// A session in virtual time with the objects of the programs, beside the truth: the same slave, built

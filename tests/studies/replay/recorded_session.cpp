@@ -98,6 +98,11 @@ loop::LinkOptions link_of(const RecordingReader& reader) {
   link.gate.deadband_nm = number_of(reader, "link.deadband_nm");
   link.gate.deadband_n = number_of(reader, "link.deadband_n");
   link.gate.heartbeat_ns = ns_of_ms(reader, "link.heartbeat_ms", link.gate.heartbeat_ns);
+  // One that adapts is none while a recording is made.
+  if (reader.configuration("link.reply_deadband") == "kept") {
+    link.reply_deadband.permille = number_of(reader, "link.reply_deadband_permille");
+    link.reply_deadband.floor_n = number_of(reader, "link.reply_deadband_n");
+  }
   link.step_pace_ns = ns_of_ms(reader, "link.step_pace_ms", link.step_pace_ns);
   // Of programs that sent one a tick: none.
   if (const std::string send_hz = reader.configuration("link.send_hz"); !send_hz.empty()) {
@@ -179,18 +184,20 @@ std::vector<RecordedState> states_of(const std::vector<recording::StatePieceRow>
 
 StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams) {
   struct Answer {
-    std::uint64_t command = 0, before = 0;
+    std::uint64_t command = 0, before = 0, left_out = 0;
   };
   std::map<std::uint64_t, Answer> replies;  // by their number: the order in which they were sent
   for (const auto& row : datagrams) {
     if (row.type == static_cast<std::uint32_t>(link::MessageType::kReply) && row.sequence != 0)
-      replies[row.sequence] = {row.answers, row.steps_before};
+      replies[row.sequence] = {row.answers, row.steps_before, row.left_out};
   }
   StepOrder order;
-  std::uint64_t last_reply = 0, last_command = 0;
+  std::uint64_t last_reply = 0, last_command = 0, last_left_out = 0;
   for (const auto& [number, answer] : replies) {
-    // Every accepted command has one reply, numbered on from the last: so many were accepted in between.
-    const std::uint64_t accepted = number - last_reply - 1;
+    // Every accepted command has one reply, numbered on from the last, or one that was left out: so many were accepted
+    // in between.
+    const std::uint64_t accepted =
+        number - last_reply - 1 + (std::max(answer.left_out, last_left_out) - last_left_out);
     const std::uint64_t sent = answer.command - last_command - 1;
     std::uint64_t known = 0;
     for (std::uint64_t i = 0; i < 64 && i + 1 < answer.command - last_command; ++i) {
@@ -206,6 +213,7 @@ StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams) {
     order.commands.insert(answer.command);
     last_reply = number;
     last_command = answer.command;
+    last_left_out = answer.left_out;
   }
   return order;
 }

@@ -114,6 +114,27 @@ bool compare(const Sample& recorded, const Sample& replayed, const std::vector<c
   return true;
 }
 
+bool shares_tip(const RecordedSession& recorded) {
+  return (recorded.features & link::kFeatureSharing) != 0;
+}
+
+/// A Welcome to a shared tip, which stood wherever others had left it: by its first row the recording says where. Empty: it
+/// is none.
+std::vector<std::uint8_t> welcome_as_then(const RecordedSession& recorded,
+                                          std::span<const std::uint8_t> bytes) {
+  link::Codec codec;
+  link::Incoming incoming;
+  if (!shares_tip(recorded) || codec.decode(bytes, incoming) != link::DropCause::kNone ||
+      incoming.type != link::MessageType::kWelcome)
+    return {};
+  const auto& target = recorded.samples.front().tip_target_w_nm;
+  link::Welcome welcome = incoming.welcome;
+  welcome.start_pos_w_nm = Vec3(target[0], target[1], target[2]);
+  std::vector<std::uint8_t> as_then(link::kMaxDatagramBytes);
+  as_then.resize(codec.encode(welcome, as_then));
+  return as_then;
+}
+
 /// The session up to the recording's first tick: the handshake, and the idle commands by which the station
 /// had measured its link.
 void prime(const RecordedSession& recorded, std::span<const recording::DatagramRow> rows,
@@ -128,8 +149,11 @@ void prime(const RecordedSession& recorded, std::span<const recording::DatagramR
     if (const std::size_t n = client.poll(clock.now_ns(), buffer))
       wire.send(std::span(buffer).first(n), wire.address());
     net::Received received;
-    while (wire.receive(buffer, received))
-      client.on_datagram(std::span(buffer).first(received.size), clock.now_ns());
+    while (wire.receive(buffer, received)) {
+      auto bytes = std::span(buffer).first(received.size);
+      const std::vector<std::uint8_t> as_then = welcome_as_then(recorded, bytes);
+      client.on_datagram(as_then.empty() ? bytes : std::span<const std::uint8_t>(as_then), clock.now_ns());
+    }
     clock.set(clock.now_ns() + 1);
   }
   if (client.state() != link::ClientState::kEstablished)
@@ -148,6 +172,7 @@ void prime(const RecordedSession& recorded, std::span<const recording::DatagramR
     clock.set(first.now_ns - (probes - k + 1) * period_ns);
     link::Command command;
     command.tip_pos_w_nm = client.welcome().start_pos_w_nm;
+    if (shares_tip(recorded)) command.flags = link::kFlagHandOver;  // who gets ready takes no shared tip
     const std::size_t n = client.make_command(command, clock.now_ns(), buffer);
     wire.send(std::span(buffer).first(n), wire.address());
     if (logs_steps) wire.end_tick(0, {});
@@ -182,6 +207,17 @@ link::StepReport report_of(const recording::DatagramRow& row) {
   return {row.executed, row.state_hash, row.newest, row.breaks, row.break_reason, row.break_step};
 }
 
+bool observes(const Sample& row) {
+  return (row.limit_flags & recording::kLimitObserves) != 0;
+}
+
+/// Null: the recording has no such tick.
+const Sample* sample_at(const RecordedSession& recorded, std::int64_t tick) {
+  const std::int64_t at = tick - recorded.samples.front().tick;
+  const bool known = at >= 0 && at < std::ssize(recorded.samples);
+  return known ? &recorded.samples[static_cast<std::size_t>(at)] : nullptr;
+}
+
 /// From one Welcome to the next: commands, replies and what they say of the log are numbered anew.
 struct Session {
   Script script;
@@ -206,10 +242,18 @@ Session session_of(const RecordedSession& recorded, std::span<const recording::D
   session.unknown_from = order.unknown_from;
   session.stepped = order.commands;
   session.script.order = std::move(order);
+  session.script.shares_tip = shares_tip(recorded);
   if ((recorded.features & link::kFeatureStepLog) == 0) return session;
   for (const auto& row : own) {
     if (!is_accepted(row, link::MessageType::kReply)) continue;
-    session.script.told[row.answers] = {report_of(row), false};
+    ToldLog told{report_of(row)};
+    if (const Sample* const then = sample_at(recorded, row.tick);
+        then != nullptr && session.script.shares_tip) {
+      told.observes = observes(*then);
+      told.energy_in_aj = then->slave_energy_in_aj;
+      told.energy_out_aj = then->slave_energy_out_aj;
+    }
+    session.script.told[row.answers] = told;
   }
   // Found apart, and not for a break: what the server says is not what its own steps make of the sample.
   std::uint32_t breaks = own.empty() ? 0 : own.front().breaks;
@@ -260,6 +304,10 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
     return "more than 64 commands were lost in part: the order of the slave's steps is not known";
   if (!tells_of_log && !recorded.apart_at.empty() && row.tick >= *recorded.apart_at.begin())
     return "the twin was apart from the server's slave, whose state it then took up: that is not recorded";
+  if (shares_tip(recorded) && observes(row)) {
+    const bool twin = row.method == static_cast<std::uint32_t>(control::Method::kTwin);
+    if (!tells_of_log || !twin) return "another session held the shared tip: what it did is not recorded";
+  }
   for (const auto& datagram : rows) {
     if (datagram.drop != 0) continue;
     if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome) && !tells_of_log)
@@ -292,6 +340,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   server_config.feature_bits = recorded.features;
   const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
   if (logs_steps) server_config.table.timeout_ns = recorded.slave_timeout_ns;
+  if (shares_tip(recorded)) server_config.share = server::Share::kOneTip;
   server::ServedScene served;
   served.name = server::scene_name(scene->name);
   served.hash = scene->hash;
@@ -332,6 +381,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
     station::TwinRunConfig twin;
     twin.rate_hz = recorded.station.rate_hz;
     twin.ring_s = recorded.twin_ring_s;
+    twin.look_s = station::kLookAgain_s;
     station.use_twin(std::make_unique<station::TwinRun>(twin, std::make_unique<twin::SceneTwin>(scene),
                                                         std::make_unique<twin::SceneTwin>(scene)));
   }
@@ -407,6 +457,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
       link::LoggedStep step =
           link::logged_step(loop.trace().tip_target_pos_w_nm, step_flags(recorded, row, sample), row.dt_s);
       step.dt_ns = loop.step().dt_ns;
+      step.hold = loop.step().hold;
       wire.end_tick(client.next_step() - 1, step);
     }
     if (wire.other_steps_at() != 0) {

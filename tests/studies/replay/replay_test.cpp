@@ -31,18 +31,24 @@ recording::DatagramRow reply(std::uint64_t sequence, std::uint64_t answers, std:
 
 /// Commands 1 … n, each accepted or not by chance; each reply comes or not by chance.
 struct Link {
-  Link(std::uint64_t seed, double loss_up, double loss_down, std::uint64_t n) {
+  Link(std::uint64_t seed, double loss_up, double loss_down, std::uint64_t n, double left_out = 0) {
     Random random(seed);
-    std::uint64_t replies = 0, history = 0;
+    std::uint64_t replies = 0, history = 0, without = 0;
     for (std::uint64_t c = 1; c <= n; ++c) {
       if (random.chance(loss_up)) {
         history <<= 1;
         continue;
       }
       accepted.insert(c);
+      if (left_out > 0 && random.chance(left_out)) {
+        ++without;
+        history = history << 1 | 1;
+        continue;
+      }
       ++replies;
       if (!random.chance(loss_down)) {
         rows.push_back(reply(replies, c, history));
+        rows.back().left_out = without;
         last_known = c;
       }
       history = history << 1 | 1;
@@ -64,6 +70,22 @@ TEST(StepOrder, IsKnownWhateverIsLost) {
           << up << ' ' << down;
     }
   }
+}
+
+TEST(StepOrder, IsKnownWithRepliesLeftOut) {
+  for (const double up : {0.0, 0.2}) {
+    for (const double down : {0.0, 0.2}) {
+      const Link link(4, up, down, 20'000, 0.8);
+      const StepOrder order = step_order(link.rows);
+      EXPECT_EQ(order.unknown_from, UINT64_MAX) << up << ' ' << down;
+      EXPECT_EQ(order.commands, std::set(link.accepted.begin(), link.accepted.upper_bound(link.last_known)));
+    }
+  }
+  // 200 left out, and none lost: that is known by their count alone.
+  std::vector<recording::DatagramRow> rows = {reply(1, 1, 0), reply(2, 202, ~0ull)};
+  rows[1].left_out = 200;
+  EXPECT_EQ(step_order(rows).unknown_from, UINT64_MAX);
+  EXPECT_EQ(step_order(rows).commands.size(), 202u);
 }
 
 TEST(StepOrder, ALongOutageOneWayOrTheOtherIsKnownToo) {

@@ -31,13 +31,16 @@ std::vector<std::uint8_t> encoded(link::Codec& codec, const Message& message) {
 /// The server has the steps up to `last`, or as many of them as are made.
 void ScriptedWire::bring_up_to(std::uint64_t last, std::uint64_t session_id, std::int64_t now_ns) noexcept {
   link::StepBatch batch;
+  std::uint32_t hold = 0;  // of a batch
   const auto bring = [&] {
-    server_->bring_steps(session_id, batch, now_ns);
+    server_->bring_steps(session_id, batch, now_ns, hold);
     batch.count = 0;
   };
   for (; brought_ < last; ++brought_) {
     const auto found = made_.find(brought_ + 1);
     if (found == made_.end()) break;
+    if (batch.count > 0 && found->second.hold != hold) bring();
+    hold = found->second.hold;
     if (batch.count == 0) batch.first = brought_ + 1;
     batch.step[batch.count++] = found->second;
     if (batch.count == link::kMaxBatch) bring();
@@ -86,7 +89,8 @@ bool ScriptedWire::take_up_state(std::uint64_t session_id, const StepReport& rep
     log.state_hash = state.state_hash;
     const auto last = made_.find(state.step);
     const link::LoggedStep* const step = last != made_.end() ? &last->second : nullptr;
-    if (!server_->take_up(session_id, state.bytes, log, step)) continue;
+    if (!server_->take_up(session_id, state.bytes, log, step, others_)) continue;
+    others_ = false;
     last_executed_ = brought_ = state.step;
     apart_ = false;
     return true;
@@ -98,6 +102,7 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
   std::uint64_t number = 0;
   std::array<std::uint8_t, link::kMaxDatagramBytes> rewritten{};
   const ToldLog* told = nullptr;
+  bool took_up = false;
   if (!open_) {
     if (codec_.decode(bytes, incoming_) != link::DropCause::kNone || incoming_.type != MessageType::kCommand)
       return;
@@ -107,8 +112,13 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
     if (!script_.told.empty()) {
       const auto next = script_.told.lower_bound(number);
       if (next != script_.told.end() && next->first == number) told = &next->second;
-      if (told != nullptr && (told->report.breaks != breaks_ || told->parts)) part(told->report);
-      if (apart_ && told != nullptr && !told->parts) take_up_state(session_id_, told->report);
+      if (told != nullptr && (told->report.breaks != breaks_ || told->parts || told->observes))
+        part(told->report);
+      others_ = others_ || (told != nullptr && told->observes);
+      if (apart_ && told != nullptr && !told->parts && !told->observes) {
+        server_->hold_tip(session_id_, now_ns);  // whose taking is a break, which the state has behind it
+        took_up = take_up_state(session_id_, told->report);
+      }
       const std::uint64_t most = apart_ ? last_executed_ : executed_by(number);
       bring_up_to(most, session_id_, now_ns);
       server_->set_steps_at_once(static_cast<std::size_t>(most - last_executed_));
@@ -132,7 +142,12 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
     const bool other = told != nullptr && (!answers || last_executed_ != told->report.executed);
     if (other && other_steps_at_ == 0) other_steps_at_ = number;
   }
-  if (apart_ && told != nullptr) tells_.insert(number);
+  // A state does not say what its last step had said of the contact's plane.
+  const bool of_state = took_up && (script_.shares_tip || told->report.executed == brought_);
+  // Nor what this session had of a shared tip's account.
+  if (took_up && script_.shares_tip)
+    server_->set_account(session_id_, told->energy_in_aj, told->energy_out_aj);
+  if ((apart_ || of_state) && told != nullptr) tells_.insert(number);
   replies_[number] = std::move(answer);
   if (replies_.size() > kRepliesKept) replies_.erase(replies_.begin());
 }
@@ -190,7 +205,11 @@ std::vector<std::uint8_t> ScriptedWire::as_told(const std::vector<std::uint8_t>&
   says.fault_bits = recorded_->fault_bits;
   says.energy_in_aj = recorded_->slave_energy_in_aj;
   says.energy_out_aj = recorded_->slave_energy_out_aj;
+  if (says.model.version == 0 && recorded_->model_version != 0) says.model.normal_w = Vec3::UnitZ();
   says.model.version = recorded_->model_version;
+  if (told->second.observes) says.tip.hold = 0;
+  // Where the tip stood when it went to another hand: the station's target of that tick.
+  if (!says.tip.empty() || told->second.observes) says.tip.pos_w_nm = vec3(recorded_->tip_target_w_nm);
   return encoded(codec_, says);
 }
 

@@ -34,12 +34,17 @@ struct ToldLog {
   link::StepReport report;
   /// It is known that twin and server parted over this reply, and not for a break that was declared.
   bool parts = false;
+  /// Another session held the shared tip, or nobody.
+  bool observes = false;
+  double energy_in_aj = 0;  ///< that this session had put into the port by then, and got back
+  double energy_out_aj = 0;
 };
 
 /// Of one session.
 struct Script {
   StepOrder order{};
   std::map<std::uint64_t, ToldLog> told{};  ///< by the command answered; of the replies that came
+  bool shares_tip = false;
 };
 
 /// The network as it was: a command reaches the server if the slave had stepped by it, and its reply comes
@@ -49,6 +54,10 @@ struct Script {
 /// nobody knows, or withdrawn the tip by its own clock: from there on the replayed slave is not the recorded
 /// one. The replies then say what the recording says, until the server's state that the station took up: the
 /// replayed slave takes it up too, and all is computed anew from there.
+///
+/// *A shared tip.* The replayed server has one session, which holds the tip throughout. While another one held the
+/// recorded tip the replies say so, and what the recording says of the rest; that holding's marks, and those that
+/// were taken back, are in the state that the twin took up when it had the tip again.
 class ScriptedWire final : public net::Datagram {
  public:
   ScriptedWire(server::Server& server, RecordedClock& clock, Script script)
@@ -125,6 +134,7 @@ class ScriptedWire final : public net::Datagram {
   std::uint64_t last_executed_ = 0;
   std::uint32_t breaks_ = 0;  ///< declared by then, as recorded
   bool apart_ = false;
+  bool others_ = false;           ///< another session has moved the shared tip since
   std::int64_t apart_since_ = 0;  ///< tick
   bool told_in_tick_ = false;
   std::uint64_t session_id_ = 0;

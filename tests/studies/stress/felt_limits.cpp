@@ -17,7 +17,7 @@ bool is_calm(const RunSpec& spec) noexcept {
   const bool link = spec.loss == 0 && spec.jitter == 0 && spec.outage_ms == 0 && spec.leap_ms == 0 &&
                     spec.drops == Drops::kNone && spec.restart == Restart::kNever && spec.act == Act::kNone &&
                     spec.playout == link::PlayoutConfig::Mode::kNewest && spec.deadband_nm == 0 &&
-                    spec.deadband_n == 0;
+                    spec.deadband_n == 0 && spec.reply_permille == 0;
   const bool station = spec.late == 0 && spec.quantum_m == 0 && spec.scale <= 1 && spec.rate_hz >= 1000;
   return task && link && station;
 }

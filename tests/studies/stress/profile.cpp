@@ -425,6 +425,56 @@ RunSpec random_run(const ProfileOptions& options, Random& random) {
   return s;
 }
 
+// A deadband that a hand hardly notices, a coarse one, and one that everything is within: then a reply comes every 6 ms.
+void replies_left_out(Grid& grid, RunSpec spec) {
+  for (const auto& [permille, n] :
+       {std::pair{50.0, 0.005}, std::pair{100.0, 0.02}, std::pair{400.0, 0.1}, std::pair{1000.0, 100.0}}) {
+    spec.reply_permille = permille;
+    spec.reply_n = n;
+    RunSpec plain = spec;
+    for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
+      plain.scene = scene;
+      for (const double rtt : {0.0, 20.0, 200.0}) {
+        plain.rtt_ms = rtt;
+        for (const double loss : {0.0, 0.1}) {
+          plain.loss = loss;
+          for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16], kHands[17]})
+            grid.add(plain, hand);
+        }
+      }
+    }
+    options_in_trouble(grid, spec);
+    acts(grid, spec);
+  }
+}
+
+// In a session with a twin every command is answered.
+std::vector<RunSpec> make_replies(const ProfileOptions& options) {
+  ProfileOptions others = options;
+  std::erase(others.methods, Method::kTwin);
+  if (others.methods.empty()) throw UserError("stress: with a twin no reply is left out; name other methods");
+  Grid grid(others);
+  for (const Method method : others.methods) {
+    RunSpec base;
+    base.method = method;
+    replies_left_out(grid, base);
+  }
+  Random random(options.seed * 0x9e3779b97f4a7c15ull + 3);
+  constexpr int kRandoms = 3000;
+  for (int i = 0; i < kRandoms; ++i) {
+    RunSpec spec = random_run(others, random);
+    spec.reply_permille = random.chance(0.2) ? 1000 : log_uniform(random, 10, 1000);
+    spec.reply_n = random.chance(0.2) ? 100 : log_uniform(random, 1e-4, 1);
+    if (suits(others, grid.specs.size(), spec)) grid.specs.push_back(spec);
+  }
+  if (grid.specs.empty()) throw UserError("stress: these scenes and ranges leave no run");
+  for (std::size_t i = grid.specs.size() - 1; i > 0; --i)
+    std::swap(grid.specs[i], grid.specs[random.below(i + 1)]);
+  std::uint64_t state = options.seed;
+  for (RunSpec& spec : grid.specs) spec.seed = Random::splitmix64(state) >> 1;
+  return std::move(grid.specs);
+}
+
 void climbs(Grid& grid, RunSpec spec, int tries) {
   spec.seconds = 3;
   for (const double rtt : {0.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0}) {
@@ -456,6 +506,7 @@ std::vector<RunSpec> make_sample(const ProfileOptions& options) {
 std::string ProfileOptions::text() const {
   std::string text = fmt::format("profile={} seed={} methods=",
                                  sample > 0 ? fmt::format("sample-{}", sample)
+                                 : replies  ? "replies"
                                  : full     ? "full"
                                             : "quick",
                                  seed);
@@ -473,6 +524,7 @@ bool is_sample(std::string_view profile_text) noexcept {
 
 std::vector<RunSpec> make_profile(const ProfileOptions& options) {
   if (options.sample > 0) return make_sample(options);
+  if (options.replies) return make_replies(options);
   Grid grid(options);
   for (const Method method : options.methods) {
     RunSpec base;

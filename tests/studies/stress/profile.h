@@ -19,6 +19,7 @@ struct Range {
 /// the same list.
 struct ProfileOptions {
   bool full = false;
+  bool replies = false;    ///< instead: runs in each of which replies are left out, whatever else there is
   std::size_t sample = 0;  ///< > 0: so many independent draws of everything, and no grid
   std::uint64_t seed = 1;
   std::vector<control::Method> methods;  ///< in the order of control::kAllMethods

@@ -99,6 +99,8 @@ constexpr NumberField kNumbers[] = {
     {"redundancy", &RunSpec::redundancy, 0, static_cast<double>(link::kMaxRecent), true},
     {"deadband-nm", &RunSpec::deadband_nm, 0, 100},
     {"deadband-n", &RunSpec::deadband_n, 0, 10},
+    {"reply-permille", &RunSpec::reply_permille, 0, 1000},
+    {"reply-n", &RunSpec::reply_n, 0, 100},
     {"compand", &RunSpec::compand, 1, 10},
 };
 

@@ -141,7 +141,10 @@ struct RunSpec {
   double redundancy = 0;    ///< commands that each datagram repeats: 0, 1, … link::kMaxRecent
   double deadband_nm = 0;   ///< of the commanded position: less is not sent
   double deadband_n = 0;    ///< of the force shown: less asks for no command
-  double compand = 1;       ///< attraction before contact, up to so many times as strong
+  double reply_permille =
+      0;               ///< of the force: less than this share of it needs no reply; 0: every command has one
+  double reply_n = 0;  ///< with that: nor does less than this, of the force shown
+  double compand = 1;  ///< attraction before contact, up to so many times as strong
   std::uint64_t seed = 1;
 
   std::vector<double> knots_m{};  ///< of kPath: height over the ground

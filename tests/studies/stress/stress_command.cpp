@@ -29,8 +29,8 @@ namespace {
 using namespace stress;
 
 struct Arguments {
-  bool quick = false, full = false, mutants = false, realtime = false, bench = false, no_report = false,
-       wait = false;
+  bool quick = false, full = false, replies = false, mutants = false, realtime = false, bench = false,
+       no_report = false, wait = false;
   std::vector<std::string> methods, scenes;
   std::string out = "stress", rtt_ms, loss, shard, merge_folder, replay, shrink_spec, trace, results;
   std::string scene_folder = (config::shared_folder() / "scenes").string();
@@ -80,6 +80,7 @@ Shard parse_shard(const std::string& text) {
 SweepOptions sweep_options(const Arguments& a) {
   SweepOptions options;
   options.profile.full = a.full;
+  options.profile.replies = a.replies;
   options.profile.sample = a.sample;
   options.profile.seed = a.seed;
   std::vector<control::Method> wanted;
@@ -191,12 +192,14 @@ int hunt(const Arguments& a) {
 }
 
 int run_stress(const Arguments& a) {
-  const int modes = ((a.quick || a.full) && !a.realtime) + (a.sample > 0) + !a.merge_folder.empty() +
-                    !a.replay.empty() + !a.shrink_spec.empty() + a.mutants + a.realtime + a.bench;
+  const int modes = ((a.quick || a.full) && !a.realtime) + (a.sample > 0) + a.replies +
+                    !a.merge_folder.empty() + !a.replay.empty() + !a.shrink_spec.empty() + a.mutants +
+                    a.realtime + a.bench;
   if (a.quick && a.full) throw UserError("stress: --quick and --full contradict each other");
   if (modes != 1)
     throw UserError(
-        "stress: expected one of --quick, --full, --sample, --merge, --replay, --shrink, --mutants, "
+        "stress: expected one of --quick, --full, --sample, --reply-deadband, --merge, --replay, --shrink, "
+        "--mutants, "
         "--realtime, "
         "--bench");
   if ((a.bench || a.mutants || a.realtime) && !(a.methods.empty() && a.scenes.empty()))
@@ -247,6 +250,9 @@ void add_stress_command(CLI::App& app, int& exit_code) {
                    "N random runs; bounds.csv contains the rate of broken promises for each feature")
       ->check(CLI::Range(std::size_t{1}, std::size_t{10'000'000}))
       ->type_name("N");
+  command->add_flag(
+      "--reply-deadband", a->replies,
+      "more than 30 000 runs in which the server leaves out replies whose force is within a deadband");
   command
       ->add_option("--merge", a->merge_folder,
                    "join the shards in this folder into runs.csv and write the report")

@@ -149,6 +149,8 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   playout.delay_max_ns = nanoseconds(1e-3 * playout_longest_ms(spec));
   session.link_options.gate.deadband_nm = spec.deadband_nm;
   session.link_options.gate.deadband_n = spec.deadband_n;
+  session.link_options.reply_deadband.permille = spec.reply_permille;
+  session.link_options.reply_deadband.floor_n = spec.reply_n;
   session.to_server.delay_ns = session.to_station.delay_ns = nanoseconds(0.5e-3 * spec.rtt_ms);
   // What is on the way, with jitter of some standard deviations, duplicates and replies.
   const double on_the_way = spec.rate_hz * (1e-3 * spec.rtt_ms * (1 + 4 * spec.jitter) + 0.03);

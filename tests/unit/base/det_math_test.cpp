@@ -78,7 +78,8 @@ TEST(DetMath, SeveralExponentialsHaveTheBitsOfEach) {
   for (int i = 0; i < 20001; ++i) x.push_back(i % 2 == 0 ? near(random) : far(random));
   // Multiples of ln 2 / 2: where one power of two becomes the next.
   for (int n = -2000; n <= 2000; ++n) x.push_back(0.34657359027997264 * n);
-  for (const std::size_t first : {std::size_t{0}, std::size_t{1}, corners}) {  // the corners in either lane
+  // The corners in each of four lanes, and what is left over at the end.
+  for (const std::size_t first : {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{3}, corners}) {
     const std::vector<double> from(x.begin() + static_cast<std::ptrdiff_t>(first), x.end());
     std::vector<double> exp(from);
     det_exp_each(exp.data(), exp.size(), exp.data());

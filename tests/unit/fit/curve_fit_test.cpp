@@ -287,7 +287,7 @@ TEST(Fit, AHamakerConstantThatTheCurveDoesNotShowIsOpen) {
   ASSERT_EQ(fit.error, "");
   ASSERT_EQ(fit.estimates.size(), 3u);
   EXPECT_FALSE(fit.estimates[2].low) << said(fit);
-  EXPECT_NE(said(fit).find("H is told by the attraction before contact"), std::string::npos) << said(fit);
+  EXPECT_NE(said(fit).find("H follows from the attraction before contact"), std::string::npos) << said(fit);
 }
 
 TEST(Fit, NoContactIsSaid) {
@@ -335,7 +335,7 @@ TEST(Fit, ASampleThatTheModelDoesNotHoldIsSaid) {
   setup.compliance_nm_nn = 1 / 0.043493666;
   const CurveFit fit = fit_of(read_curve(bytes_of("soft_sample.jpk-force")), setup);
   ASSERT_EQ(fit.error, "");
-  EXPECT_NE(said(fit).find("model or calibration miss something"), std::string::npos) << said(fit);
+  EXPECT_NE(said(fit).find("the model or the calibration misses something"), std::string::npos) << said(fit);
 }
 
 /// Least width that 95 % intervals of ln E and ln w can have on such a curve, by Cramér and Rao: the inverse

@@ -167,7 +167,7 @@ TEST(HumidFit, ASoftLeverLeavesThemOpenAndSaysSo) {
                                       [&](const Estimate& any) { return any.name == name; });
     EXPECT_FALSE(e.low && e.high) << said(fit);
     EXPECT_NE(said(fit).find(std::string(name) + " is open"), std::string::npos) << said(fit);
-    EXPECT_NE(said(fit).find(std::string(name) + " is told by"), std::string::npos) << said(fit);
+    EXPECT_NE(said(fit).find(std::string(name) + " follows from"), std::string::npos) << said(fit);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <limits>
@@ -528,6 +529,42 @@ TEST(Codec, WritesNothingIntoTooSmallABuffer) {
   try_all(golden.bye, all[6].size());
   try_all(golden.command_with_features, all[7].size());
   try_all(golden.reply_with_features, all[8].size());
+}
+
+/// Every field 1.
+struct Full {
+  template <std::uint32_t kNumber, class Value>
+  void operator()(Value& value) noexcept {
+    value = Value(1);
+  }
+  template <class Body>
+  void run(const Body& body) noexcept {
+    body(*this);
+  }
+};
+
+// Steps and a deadband for replies are in no session together: with every other field they would be longer than a
+// datagram. Nothing is written then, whatever room there is; without the one or the other all fit.
+TEST(Codec, StepsAndADeadbandTogetherAreNoLongerThanADatagram) {
+  Full full;
+  Command c;
+  visit_fields(c, full);
+  visit_feature_fields(c, full);
+  ASSERT_EQ(c.reply_deadband, (ReplyDeadband{1, 1}));
+  const Bytes steps(kStepsBytesMost, 7);
+  Codec codec;
+  Bytes out(kMaxDatagramBytes + 200, 0xA5);
+  for (const std::size_t room : {kMaxDatagramBytes, out.size()}) {
+    EXPECT_EQ(codec.encode(c, steps, std::span(out).first(room)), 0u) << room;
+    EXPECT_EQ(std::count(out.begin(), out.end(), 0xA5), static_cast<std::ptrdiff_t>(out.size()))
+        << "untouched";
+  }
+  EXPECT_EQ(codec.encode(c, out), 219u);
+  c.reply_deadband = {};
+  EXPECT_EQ(codec.encode(c, steps, out), 511u);
+  std::fill(out.begin(), out.end(), 0xA5);
+  EXPECT_EQ(codec.encode(c, steps, std::span(out).first(kMaxDatagramBytes)), 511u);
+  EXPECT_EQ(out[511], 0xA5);
 }
 
 TEST(Codec, KeepsEveryBitOfADouble) {

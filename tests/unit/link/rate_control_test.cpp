@@ -65,6 +65,10 @@ class World {
     std::uint64_t command = 0;
     std::uint64_t sent = 0;
     std::uint64_t got = 0;
+    std::uint64_t leaves_out = 0;  ///< so many replies of each row of so many and one
+    bool rests = false;            ///< the force: five of six, as long as the control asks for it
+    std::uint64_t accepted = 0;
+    std::uint64_t numbered = 0;
     double bulk_from_ns = 1e18;  ///< pieces are fetched from then on
     double bulk_per_s = 0;       ///< 0: as the control says
     double bulk_credit = 0;
@@ -126,13 +130,17 @@ class World {
     if (through < 0 || random_.uniform() < way_.loss) return;
     const double there = up.out_ns = std::max(up.out_ns, through + 0.5e6 * way_.rtt_ms + jitter_ns());
     at(there, [this, i, command, now](double arrival) {
+      Flow& s = flows[i];
+      const bool spares = s.rests && s.control.reply_deadband_share() > 0;
+      if (++s.accepted % (spares ? 6 : s.leaves_out + 1) != 0) return;
+      const ReplyNumbers numbers{command, ++s.numbered, s.accepted - s.numbered};
       const double out = down.send(arrival, kReplyBytes);
       if (out < 0 || random_.uniform() < way_.loss) return;
       const double back = down.out_ns = std::max(down.out_ns, out + 0.5e6 * way_.rtt_ms + jitter_ns());
-      at(back, [this, i, command, now](double t4) {
+      at(back, [this, i, numbers, now](double t4) {
         Flow& g = flows[i];
         ++g.got;
-        g.control.on_reply(static_cast<std::int64_t>(t4), static_cast<std::int64_t>(t4 - now), command);
+        g.control.on_reply(static_cast<std::int64_t>(t4), static_cast<std::int64_t>(t4 - now), numbers);
         if (on_rtt_) on_rtt_(i, t4, t4 - now);
       });
     });
@@ -386,13 +394,111 @@ TEST(RateControl, TakesALongerWayForWhatItIs) {
   EXPECT_NEAR(world.flows[0].control.base_ns(), 60e6, 1e6);
 }
 
+// Five of six replies are left out: the link is as good as it is, and nothing is lost.
+TEST(RateControl, RepliesThatAreLeftOutAreNoLoss) {
+  World::Flow f = flow();
+  f.leaves_out = 5;
+  World world({0, 64, 10}, {f});
+  world.run(10e9);
+  EXPECT_EQ(world.flows[0].control.rate_hz(), 1000);
+  EXPECT_EQ(world.flows[0].control.lowered(), 0u);
+  // 6 % each way are chance; of 30 % each way the rate falls, and by as much as with every reply there.
+  world.set({0, 64, 10, 0.06});
+  world.run(20e9);
+  EXPECT_EQ(world.flows[0].control.lowered(), 0u);
+  double hz[2] = {0, 0};
+  for (const std::uint64_t leaves_out : {0u, 5u}) {
+    World::Flow g = flow();
+    g.leaves_out = leaves_out;
+    World bad({0, 64, 10, 0.3}, {g});
+    bad.run(1.2e9);
+    EXPECT_EQ(bad.flows[0].control.reason(), RateReason::kLoss) << leaves_out;
+    hz[leaves_out > 0] = bad.flows[0].control.rate_hz();
+  }
+  EXPECT_NEAR(hz[1], hz[0], 0.15 * hz[0]);
+}
+
+// What the link carries is counted by commands: with five of six replies left out, a queue lowers the rate
+// to a part of those, not of the replies that came.
+TEST(RateControl, AQueueLowersTheRateNoFurtherForRepliesLeftOut) {
+  double commands_s[2] = {0, 0};
+  for (const std::uint64_t leaves_out : {0u, 5u}) {
+    World::Flow f = flow();
+    f.leaves_out = leaves_out;
+    World world({500, 64, 4}, {f});
+    world.run(5e9);
+    const std::uint64_t before = world.flows[0].sent;
+    world.run(25e9);
+    EXPECT_GT(world.flows[0].control.lowered(), 0u);
+    commands_s[leaves_out > 0] = static_cast<double>(world.flows[0].sent - before) / 20;
+  }
+  std::printf("commands a second: %.0f, and %.0f with five of six replies left out\n", commands_s[0],
+              commands_s[1]);
+  EXPECT_GE(commands_s[1], 0.65 * commands_s[0]);
+}
+
+// A force that rests for two seconds and moves for half of one: then every reply is there. The rate has not risen into
+// the room that was left by those that were not.
+TEST(RateControl, AForceThatMovesAgainFindsItsRoom) {
+  for (const double kbit_s : {300.0, 500.0, 1000.0}) {
+    World world({kbit_s, 64, 4}, {flow()});
+    world.run(3e9);
+    double worst_ms = 0;
+    std::uint64_t replies = 0, exchanges = 0;
+    for (double at_s = 3; at_s < 43; at_s += 2.5) {
+      World::Flow& f = world.flows[0];
+      const std::uint64_t numbered = f.numbered, accepted = f.accepted;
+      f.rests = true;
+      world.run((at_s + 2) * 1e9);
+      replies += f.numbered - numbered;
+      exchanges += f.accepted - accepted;
+      f.rests = false;
+      world.run((at_s + 2.5) * 1e9,
+                [&](std::size_t, double, double rtt_ns) { worst_ms = std::max(worst_ms, 1e-6 * rtt_ns); });
+    }
+    std::printf("%.0f kbit/s: %.2f replies a command at rest, longest round trip in motion %.1f ms\n", kbit_s,
+                static_cast<double>(replies) / static_cast<double>(exchanges), worst_ms);
+    EXPECT_LE(worst_ms, kbit_s < 400 ? 60 : 30) << kbit_s;
+    EXPECT_LT(static_cast<double>(replies), 0.4 * static_cast<double>(exchanges)) << kbit_s;
+  }
+}
+
+TEST(RateControl, TheReplyDeadbandIsForALinkThatIsFull) {
+  World world({500, 64, 4}, {flow()});
+  EXPECT_EQ(world.flows[0].control.reply_deadband_share(), 0) << "not known yet";
+  world.run(10e9);
+  const RateControl& control = world.flows[0].control;
+  EXPECT_GT(control.reply_deadband_share(), 0.7);  // of 1000 Hz some 200
+  EXPECT_LE(control.reply_deadband_share(), 1);
+  // Room again: every reply is asked for now and then, and for good when there is no queue.
+  world.flows[0].leaves_out = 5;
+  world.set({0, 64, 4});
+  world.run(19e9);
+  EXPECT_LT(control.rate_hz(), 300) << "not into the room of those that are left out";
+  world.run(21e9);
+  EXPECT_EQ(control.reply_deadband_share(), 0);
+  world.flows[0].leaves_out = 0;
+  world.run(40e9);
+  EXPECT_EQ(control.rate_hz(), 1000);
+  EXPECT_EQ(control.reply_deadband_share(), 0);
+  // A narrow one that also loses 3 % each way: three of its replies may be missing too often.
+  World lossy({500, 64, 4, 0.03}, {flow()});
+  lossy.run(20e9);
+  EXPECT_LT(lossy.flows[0].control.rate_hz(), 900);
+  EXPECT_EQ(lossy.flows[0].control.reply_deadband_share(), 0);
+  // One that a person has set a rate for.
+  World fixed({500, 64, 4}, {flow(1000, false)});
+  fixed.run(10e9);
+  EXPECT_EQ(fixed.flows[0].control.reply_deadband_share(), 0);
+}
+
 TEST(RateControl, SilenceHalvesAndSpeechBringsBack) {
   RateControl control;
   std::int64_t t = 0;
-  std::uint64_t command = 0;
+  std::uint64_t command = 0, reply = 0;
   const auto run = [&](double seconds, bool answers) {
     for (const std::int64_t end = t + std::llround(seconds * 1e9); t < end; t += kMs) {
-      if (answers && command > 0) control.on_reply(t, kMs, command);
+      if (answers && command > 0) control.on_reply(t, kMs, {command, ++reply, 0});
       control.update(t);
       if (!control.may_send()) continue;
       control.sent(t);

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 
 #include "telenano/common/link/link_stats.h"
 #include "telenano/common/link/received_energy.h"
@@ -119,6 +120,26 @@ TEST(LinkStats, FollowsRfc6298AndRfc3550) {
   s.on_reply(reply_at(2'000'000, 2'050'000, 2'050'000), 2'100'000);
   EXPECT_DOUBLE_EQ(s.jitter_ns(), 2'500 + (40'000 - 2'500) / 16.0);
   EXPECT_EQ(s.rtt_min_ns(), 100'000);
+}
+
+// Over a link of constant delay each spread halves until nothing is left of it. A number below the normal ones would stay for ever, and
+// each sum with it would take a hundred cycles.
+TEST(LinkStats, SpreadsOfAnEvenLinkEndAtZero) {
+  for (const bool one_late : {false, true}) {
+    LinkStats s;
+    for (std::int64_t k = 0; k < 20'000; ++k) {
+      const std::int64_t t1 = k * 1'000'000, back = one_late && k == 1 ? 9'000'000 : 8'000'000;
+      ASSERT_TRUE(s.on_reply(reply_at(t1, t1 + 3'000'000, t1 + 3'000'000), t1 + back));
+      for (const double spread_ns : {s.jitter_ns(), s.rtt_var_ns()})
+        ASSERT_TRUE(spread_ns == 0 || std::isnormal(spread_ns)) << k << " " << spread_ns;
+      if (k == 1'000) {
+        EXPECT_EQ(s.jitter_ns() > 0, one_late);
+        EXPECT_GT(s.rtt_var_ns(), 0);
+      }
+    }
+    EXPECT_EQ(s.jitter_ns(), 0);
+    EXPECT_LT(s.rtt_var_ns(), one_late ? 1e-6 : 1e-300);  // what is left is the rounding of the round trip
+  }
 }
 
 TEST(LinkStats, TakesTheOffsetFromTheQuickestRoundTripOfTheLastSeconds) {

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -12,6 +10,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
+#include "tests/support/shortest_turn.h"
 
 namespace telenano::physics {
 namespace {
@@ -82,8 +81,8 @@ TEST(Friction, EnergyIdentityOverRandomPaths) {
     ASSERT_LE(step.force_w_nn.norm(), friction.limit_nn(a, load) * (1 + 1e-12));
     ASSERT_LT(std::abs(step.force_w_nn.dot(n)), 1e-12 * (1 + step.force_w_nn.norm()));
     if (state.stiffness_n_m > 0 && a > 0) {
-      // Carried over, by the formulas: turned about n0 × n by an angle (Eigen's), scaled if grown.
-      const Vec3 e0 = Eigen::Quaterniond::FromTwoVectors(state.normal_w, n) * state.extension_w_nm;
+      // Carried over, by the formulas: turned about n0 × n by an angle, scaled if grown.
+      const Vec3 e0 = support::shortest_turn(state.normal_w, n) * state.extension_w_nm;
       const double k = 8 * kShear * a, k0 = state.stiffness_n_m;
       const Vec3 e1 = k > k0 ? Vec3(e0 * (k0 / k)) : e0;
       (k > k0 ? grown : shrunk)++;
@@ -116,7 +115,7 @@ TEST(Friction, Isotropic) {
   std::mt19937_64 random(4);
   std::normal_distribution<double> normal;
   const Friction friction(kParameters);
-  const Mat3 turn = Eigen::Quaterniond::FromTwoVectors(Vec3(1, 2, 3), Vec3(-1, 1, 0.5)).toRotationMatrix();
+  const Mat3 turn = support::shortest_turn(Vec3(1, 2, 3), Vec3(-1, 1, 0.5));
   FrictionState here, there;
   there.normal_w = turn * here.normal_w;
   for (int i = 0; i < 2000; ++i) {

@@ -322,7 +322,7 @@ TEST_F(SceneFile, SummarySaysWhatIsInAndWhereModelsEnd) {
       warning_of("[coupling]\nstiffness_n_m = 20.0", "[coupling]\nstiffness_n_m = 0.001").find("hold height"),
       std::string::npos);
   EXPECT_NE(warning_of("\"flat\"", "\"grating\"\nheight_nm = 4.0\nperiod_nm = 600.0\nspacing_nm = 15.0")
-                .find("under-sampled"),
+                .find("too coarse"),
             std::string::npos);
 }
 

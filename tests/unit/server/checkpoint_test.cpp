@@ -311,7 +311,7 @@ TEST_F(CheckpointFolder, WhatIsNotWholeIsSaidAndLeft) {
     fs::resize_file(path, left);
     Rig rig(folder);
     EXPECT_FALSE(rig.ask(5, 9)) << left;
-    EXPECT_NE(rig.said.find("is not a whole checkpoint"), std::string::npos) << rig.said;
+    EXPECT_NE(rig.said.find("is not a complete checkpoint"), std::string::npos) << rig.said;
     EXPECT_EQ(std::count(rig.said.begin(), rig.said.end(), '\n'), 1);
     EXPECT_TRUE(fs::exists(path));
   }

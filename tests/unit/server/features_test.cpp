@@ -106,6 +106,7 @@ TEST(Features, AWelcomeThatGrantsWhatWasNotAskedForIsDropped) {
   w.nonce = hello.hello.nonce;
   w.feature_bits = kFeaturePortControl | kFeatureLocalModel;
   EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kDropped);
+  EXPECT_NE(client.last_drop(), link::DropCause::kNone);
   EXPECT_EQ(client.drops()[DropCause::kOutOfRange], 1u);
   w.feature_bits = kFeaturePortControl;
   w.well_aj = 1;
@@ -113,6 +114,7 @@ TEST(Features, AWelcomeThatGrantsWhatWasNotAskedForIsDropped) {
   EXPECT_EQ(client.drops()[DropCause::kUnexpected], 1u) << "a well that nobody has agreed to";
   w.well_aj = 0;
   EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kWelcome);
+  EXPECT_EQ(client.last_drop(), link::DropCause::kNone);
 }
 
 // As a station sees it: known where the slave knows it and the station asks, and only a number can be one.

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "telenano/common/link/rate_control.h"
+#include "telenano/master/loop/session_tender.h"
 #include "virtual_session.h"
 
 namespace telenano::server {
@@ -56,7 +58,7 @@ struct Fetching {
         ++replies;
         const auto& stats = session.client.stats();
         rate.on_reply(session.link.now_ns(), stats.samples() != rtt_samples ? stats.rtt_last_ns() : -1,
-                      session.client.reply().command_sequence);
+                      {session.client.reply().command_sequence, session.client.reply().sequence, 0});
         rtt_samples = stats.samples();
       }
       if (event != link::ClientEvent::kSceneChunk) return;
@@ -351,6 +353,106 @@ TEST(FetchScene, AStationDropsPiecesThatAreNoneOfItsScene) {
   other = chunk;
   other.size = 10;
   EXPECT_EQ(hear(other), DropCause::kOutOfRange);
+}
+
+/// A session without a loop, tended while its scene is fetched, as before a run begins.
+struct Tended {
+  Tended(Server& server_in, const net::SimPath& way) : server(server_in), link(way, way, 5) {
+    client.start(0);
+    std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+    while (client.state() != link::ClientState::kEstablished) {
+      serve_until(now_ns += kMs);
+      net::Received received;
+      while (link.a().receive(buffer, received)) client.on_datagram({buffer.data(), received.size}, now_ns);
+      if (const std::size_t n = client.poll(now_ns, out)) link.a().send({out.data(), n}, {});
+    }
+    tender.emplace(client, link.a(), link.address_b(), pipe, clock, 1000.0);
+    tender->on_event = [this](link::ClientEvent event) {
+      if (event == link::ClientEvent::kReply)
+        last_rtt_ms = 1e-6 * static_cast<double>(client.stats().rtt_last_ns());
+    };
+    fetch.offer(client.welcome().scene, now_ns);
+  }
+  void serve_until(std::int64_t to_ns) {
+    net::Received received;
+    while (link.next_arrival_ns() <= to_ns) {
+      const std::int64_t before_ns = link.now_ns();
+      link.advance_to(link.next_arrival_ns());
+      bool any = false;
+      while (link.b().receive(buffer, received)) {
+        any = true;
+        const std::size_t n =
+            server.on_datagram({buffer.data(), received.size}, received.from, link.now_ns(), answer);
+        if (n > 0) link.b().send({answer.data(), n}, received.from);
+      }
+      if (!any && link.now_ns() == before_ns) break;  // only the station's are left
+    }
+    link.advance_to(to_ns);
+  }
+  /// A millisecond: the keeper's turn, then the tender's.
+  void turn(bool paced) {
+    serve_until(now_ns += kMs);
+    clock.advance_to(now_ns);
+    loop::ScenePiece piece;
+    while (pipe.pieces.pop(piece)) fetch.take(piece.chunk, std::span(piece.data).first(piece.size), now_ns);
+    fetch.set_up(true, now_ns);
+    fetch.set_link_most(paced ? pipe.link_most_per_s.load() : link::RateControl::kBulkMost_per_s);
+    while (const auto chunk = fetch.next(now_ns)) pipe.requests.push({fetch.scene().name(), *chunk});
+    tender->turn();
+  }
+
+  Server& server;
+  net::SimLink link;
+  rt::VirtualClock clock;
+  link::ClientSession client{link::ClientConfig{}};
+  loop::ScenePipe pipe;
+  SceneFetch fetch;
+  std::optional<loop::SessionTender> tender;
+  std::int64_t now_ns = 0;
+  double last_rtt_ms = 0;
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer{};
+  std::array<std::uint8_t, link::kMaxDatagramBytes> answer{};
+};
+
+// Before there is a loop as within it: a thin link has no queue, a wide one is as fast as ever.
+TEST(FetchScene, BeforeTheLoopItLeavesAThinLinkNoQueueEither) {
+  const auto bundle = bundle_of(600'000);
+  int took_ms[2] = {0, 0};
+  for (const bool paced : {false, true}) {
+    Server server(test_config(), fetchable(bundle));
+    net::SimPath thin = path(2, 0);
+    thin.rate_bit_s = 1e6;
+    thin.queue_bytes = 65536;
+    Tended t(server, thin);
+    double worst_ms = 0;
+    int ms = 0;
+    for (; ms < 40'000 && t.fetch.state() != SceneFetch::State::kDone; ++ms) {
+      t.turn(paced);
+      if (ms >= 2000) worst_ms = std::max(worst_ms, t.last_rtt_ms);
+    }
+    std::printf("600 kB over 1 Mbit/s, %s: %d ms, longest round trip after 2 s %.1f ms\n",
+                paced ? "paced" : "not paced", ms, worst_ms);
+    took_ms[paced] = ms;
+    if (!paced) {
+      EXPECT_GT(worst_ms, 200) << "what is mended";
+      continue;
+    }
+    EXPECT_EQ(t.fetch.state(), SceneFetch::State::kDone);
+    EXPECT_LE(worst_ms, 30);
+    EXPECT_LT(took_ms[1], 1.1 * took_ms[0]) << "it takes what the link has";
+    EXPECT_EQ(t.client.state(), link::ClientState::kEstablished);
+  }
+  Server server(test_config(), fetchable(bundle_of(265'000)));
+  Tended wide(server, path(10, 0));
+  int ms = 0;
+  for (; ms < 2000 && wide.fetch.state() != SceneFetch::State::kDone; ++ms) wide.turn(true);
+  std::printf("265 kB over 20 ms of round trip: %d ms\n", ms);
+  EXPECT_LT(ms, 1200);
+  // Where nothing is fetched, a command every 20 ms is enough.
+  const std::uint64_t before = wide.client.commands_sent();
+  for (int i = 0; i < 3000; ++i) wide.turn(true);
+  EXPECT_LT(wide.client.commands_sent() - before, 1000u + 2000 / 20 + 5)
+      << "a second of them belongs to the fetch";
 }
 
 }  // namespace

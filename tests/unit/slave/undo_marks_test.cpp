@@ -57,7 +57,7 @@ TEST(UndoMarks, TheSampleIsAsItWasBeforeTheStrokeToTheBit) {
   ASSERT_NE(first, bare);
   led.stroke({4, 2, 0}, {-6, 5, 0}, 9);
   ASSERT_NE(led.heights(), first);
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kDone);
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kDone);
   EXPECT_EQ(led.heights(), first);
   EXPECT_EQ(led.slave.sample().marks_digest(), fields);
   const auto seen = led.slave.heights()->heights();
@@ -70,13 +70,13 @@ TEST(UndoMarks, TheSampleIsAsItWasBeforeTheStrokeToTheBit) {
     ASSERT_NEAR(led.output.force_w_nn.z(), other.output.force_w_nn.z(), 1e-6) << i;
   }
   for (Led* const both : {&led, &other}) both->lead({2, 1, Led::kAbove_nm});
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kDone) << "that press was a stroke";
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kDone) << "that press was a stroke";
   EXPECT_EQ(led.heights(), first);
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kDone);
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kDone);
   EXPECT_EQ(led.heights(), bare);
   EXPECT_FALSE(led.slave.marked_surface()->marked());
   EXPECT_EQ(led.slave.sample().marks_digest(), 0u);
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kNothing);
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kNothing);
 }
 
 TEST(UndoMarks, RefusedWhileTheTipTouchesOrWouldWhereTheGroundComesUp) {
@@ -89,14 +89,14 @@ TEST(UndoMarks, RefusedWhileTheTipTouchesOrWouldWhereTheGroundComesUp) {
   ASSERT_LT(led.output.tip_pos_w_nm.z(), -1) << "in the dent, off its ground";
   std::uint64_t before = led.slave.state_hash();
   auto heights = led.heights();
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kTouches) << "the ground would come up to it";
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kTouches) << "the ground would come up to it";
   EXPECT_EQ(led.slave.state_hash(), before);
   EXPECT_EQ(led.heights(), heights);
   led.lead({0, 0, -40});
   ASSERT_EQ(led.output.contact_state, link::ContactState::kContact);
   before = led.slave.state_hash();
   heights = led.heights();
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kTouches);
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kTouches);
   EXPECT_EQ(led.slave.state_hash(), before);
   EXPECT_EQ(led.heights(), heights);
 }
@@ -111,7 +111,7 @@ TEST(UndoMarks, NobodyIsGivenEnergy) {
     led.lead({0, 0, -8});
     led.lead({0, 0, 4.0 + round});
     const double out = led.output.energy_out_aj, in = led.output.energy_in_aj;
-    if (led.slave.undo_marks(led.output) == UndoResult::kDone) {
+    if (led.slave.undo_marks(0, led.output) == UndoResult::kDone) {
       EXPECT_EQ(led.output.energy_out_aj, out);
       EXPECT_GE(led.output.energy_in_aj, in);
     }
@@ -129,7 +129,7 @@ TEST(UndoMarks, AllocatesNothing) {
   Led led;
   led.stroke({0, 0, 0}, {8, 0, 0}, 6);
   const support::AllocGuard guard;
-  EXPECT_EQ(led.slave.undo_marks(led.output), UndoResult::kDone);
+  EXPECT_EQ(led.slave.undo_marks(0, led.output), UndoResult::kDone);
   EXPECT_EQ(guard.allocations(), 0u);
 }
 
@@ -139,7 +139,7 @@ TEST(UndoMarks, AStateThatWasTakenUpHasNoStrokesToTakeBack) {
   std::vector<std::uint8_t> bytes(led.slave.snapshot_bytes_max());
   bytes.resize(led.slave.save(bytes));
   ASSERT_TRUE(other.slave.load(bytes));
-  EXPECT_EQ(other.slave.undo_marks(other.output), UndoResult::kNothing);
+  EXPECT_EQ(other.slave.undo_marks(0, other.output), UndoResult::kNothing);
   EXPECT_EQ(other.heights(), led.heights());
 }
 

@@ -111,7 +111,7 @@ std::string broken_rule(const Case& c, const SessionBanner& banner) {
     if (filled("Twin apart") != apart || filled("Twin given up")) return "apart";
     if (line("server's state is taken up") != apart) return "apart without a line";
     if (filled("Twin waits") != waits || line("state is on the way") != waits) return "waits";
-    if (line("another method until") != given_up) return "given up without a line";
+    if (line("another method from now on") != given_up) return "given up without a line";
   }
   if (c.mode == Mode::kStopped && banner.lines.empty()) return "stopped without a cause";
   if (c.mode == Mode::kStopped && !line("lear") && !line("anew") && !line("report"))

@@ -65,7 +65,7 @@ struct Fixture {
 TEST(ViewRequestHandler, StopIsLatchedUntilAPersonClearsIt) {
   Fixture f;
   f.tick();
-  f.ask(Kind::kStop);
+  f.port.stops.fetch_add(1);
   f.tick();
   EXPECT_EQ(f.station.mode(), station::Mode::kStopped);
   for (int i = 0; i < 100; ++i) f.tick();
@@ -113,7 +113,7 @@ TEST(ViewRequestHandler, CountsMarksAndQuits) {
   f.ask(Kind::kMarker);
   EXPECT_EQ(f.tick().marks, 2);
   EXPECT_FALSE(f.tick().quit);
-  f.ask(Kind::kQuit);
+  f.port.quit.store(true);
   EXPECT_TRUE(f.tick().quit);
 }
 
@@ -150,6 +150,31 @@ TEST(ViewRequestHandler, AScreenThatFloodsOrStandsStillCostsTheLoopNothing) {
   EXPECT_EQ(guard.allocations(), 0u);
   EXPECT_LE(asked.marks, 64);
   EXPECT_GT(f.port.samples.dropped(), 0u);
+}
+
+// A loop that stood still finds a queue that is full: of that something is lost, of a STOP and of the end nothing.
+TEST(ViewRequestHandler, AStopIsHeardWhateverElseWasAsked) {
+  Fixture f;
+  f.tick();
+  while (f.port.requests.push({Kind::kMarker, {}, {}})) {
+  }
+  EXPECT_FALSE(f.port.requests.push({Kind::kClearStop, {}, {}})) << "no room";
+  f.port.stops.fetch_add(1);
+  f.port.quit.store(true);
+  EXPECT_TRUE(f.tick().quit);
+  EXPECT_EQ(f.station.mode(), station::Mode::kStopped);
+  // Stopped and cleared between two ticks: nobody knows which was last, and the stop is the safe one.
+  f.ask(Kind::kClearStop);
+  f.tick();
+  ASSERT_NE(f.station.mode(), station::Mode::kStopped);
+  f.port.stops.fetch_add(1);
+  f.ask(Kind::kClearStop);
+  f.tick();
+  EXPECT_EQ(f.station.mode(), station::Mode::kStopped);
+  for (int i = 0; i < 10; ++i) f.tick();
+  f.ask(Kind::kClearStop);
+  f.tick();
+  EXPECT_NE(f.station.mode(), station::Mode::kStopped) << "a stop is heard once";
 }
 
 TEST(ScalingRegion, ClampsToTheBorderThatTheStationChecks) {

@@ -31,7 +31,7 @@ TEST_F(Render, KeysAskForWhatTheHelpSays) {
   play(0, 100);
   frame();
   press(GLFW_KEY_ESCAPE);
-  ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kStop);
+  ASSERT_TRUE(stop_asked());
   press(GLFW_KEY_R);
   ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kClearStop);
   press(GLFW_KEY_M);
@@ -119,7 +119,7 @@ TEST_F(Render, StopIsABigButtonInTheCorner) {
   frame();
   io.MouseDown[0] = false;
   frame();
-  ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kStop);
+  ASSERT_TRUE(stop_asked());
 }
 
 // Dragging the slider of alpha_F to its end asks for the border, not for the end; and once, when let go.
@@ -306,15 +306,13 @@ TEST_F(Render, ANoteAndTheWayOutInOneFrameAreBothHeard) {
   frame();
   ASSERT_TRUE(port_.notes.pop(note));
   EXPECT_STREQ(note.text.data(), "it held on");
-  const auto request = asked();
-  ASSERT_TRUE(request);
-  EXPECT_EQ(request->kind, ViewRequest::Kind::kQuit);
+  EXPECT_TRUE(quit_asked());
   // And while one is written.
   press(GLFW_KEY_N);
   io.KeyCtrl = true;
   press(GLFW_KEY_Q);
   io.KeyCtrl = false;
-  EXPECT_TRUE(asked());
+  EXPECT_TRUE(quit_asked());
 }
 
 // A slow picture sees whole words at once, in the very next frame after the one that opened the box.

@@ -112,6 +112,9 @@ class Render : public ::testing::Test {
     if (!port_.requests.pop(request)) return std::nullopt;
     return request;
   }
+  /// Since the last call.
+  bool stop_asked() { return std::exchange(stops_, port_.stops.load()) != port_.stops.load(); }
+  bool quit_asked() { return port_.quit.exchange(false); }
   void press(int key) {
     ImGui::GetIO().KeysDown[key] = true;
     frame();
@@ -126,6 +129,7 @@ class Render : public ::testing::Test {
   std::optional<Canvas> canvas_;
   Picture picture_;
   double time_s_ = 0;
+  std::uint32_t stops_ = 0;
 };
 
 }  // namespace telenano::viewer

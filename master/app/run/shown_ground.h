@@ -1,0 +1,27 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "telenano/common/surface/height_grid.h"
+#include "telenano/master/app/run/mark_rows.h"
+#include "telenano/master/scene/scene_keeper.h"
+#include "telenano/master/station/station.h"
+
+namespace telenano::app {
+
+/// The surface of the scene that is here, each time that it is another one than `shown`; without heights: a
+/// plane again.
+std::optional<surface::HeightGrid> newest_scene_ground(const scene_store::SceneKeeper& keeper,
+                                                       std::shared_ptr<const surface::HeightGrid>& shown);
+
+/// The surface with its marks as the twin has it, where it keeps some, else that of the scene that is here:
+/// each time that it is another one. A flat one without marks is a plane as it is.
+std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_store::SceneKeeper& keeper,
+                                                                  const station::Station& station);
+
+/// What the recording is told of marks, of the same samples as newest_ground().
+MarkRows::Sample marked_sample(const scene_store::SceneKeeper& keeper, const station::Station& station);
+
+}  // namespace telenano::app
