@@ -9,18 +9,19 @@
 
 namespace telenano::link {
 
-/// Which replies of a session the server leaves out (PROTOCOL.md, section 4, Reply deadband): those whose force is
-/// within the command's deadband of the last reply's, and that say nothing else that is new. What the station shows
-/// is so never further from the force than the deadband, beyond what delay and loss do.
+/// Decides which replies of a session the server leaves out (PROTOCOL.md, section 4, Reply deadband): a reply whose force
+/// differs from that of the last reply by less than the command's deadband, and that brings nothing else new. Apart from
+/// delay and loss, the force that the station shows therefore differs from the true one by no more than the deadband.
 ///
-/// Sent in any case: whatever says another contact state, fault, holding, model, particle state, energy or wave sent by
-/// the port; the reply to a command with other flags, method, scale, holding or deadband; a wave, which the station
-/// counts by the time between two replies; and so many that no more than kLongestNs pass between two, by the
-/// commands' own times, or kLongestOfTwoNs where only every second one is left out. Energies are running sums: those of a reply that is left out are in the next one. So are
-/// the accounts exact, whatever is left out.
+/// Always sent
+///   - a reply with another contact state, fault, holding, model, particle state, or energy or wave sent by the port;
+///   - the reply to a command with other flags, method, scale, holding or deadband;
+///   - every reply of method `wave`: the station integrates waves over the time between two replies;
+///   - enough replies that two are at most kLongestNs apart, or kLongestOfTwoNs where only every second one is left out.
+/// Energies are running sums: the next reply contains those of all replies left out before it, so the accounts stay exact.
 ///
-/// The time is the station's, out of its commands, and not the server's: which replies are left out follows from the
-/// commands alone, and a session that is run again leaves out the same.
+/// Time is taken from the commands, not from the server's clock: the same commands leave out the same replies, also in a
+/// replay.
 class ReplyGate {
  public:
   /// Three of these, and the way's jitter, within the 20 ms for which a force is held: two may be lost in a row.

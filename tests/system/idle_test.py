@@ -18,8 +18,8 @@ MOST = 0.02  # of a core
 # Of a simulator and of a server that nobody talks to: five times what was measured on a machine with other work (0.02 and 0.1 %).
 # A simulator that looked for a client fifty times a second, and made a context of Asio's each time, took 0.4 %.
 MOST_ALONE = {"alone": 0.001, "nve": 0.005}
-# Twice what was found, and more where that is next to nothing.
-MOST_WAKES_S = {"alone": 6, "nve": 80, "simulator": 300, "server": 600, "guard": 300, "deadman": 300}
+# Of the last four twice what was found.
+MOST_WAKES_S = {"alone": 6, "nve": 40, "simulator": 300, "server": 600, "guard": 300, "deadman": 300}
 MEASURED_S = 2.0
 # What a wake-up costs is the machine's: on a virtual one 20 to 200 µs, and 2 ms where they are rare. The floor in the same seconds is a
 # process that only sleeps, about as often; a program may cost as much as is said above, or so many times the floor for its wake-ups.
