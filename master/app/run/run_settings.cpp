@@ -22,6 +22,7 @@ void require_numbers(const RunOptions& options) {
   require("--duration-s", options.duration_s.value_or(0));
   require("--depth-nm", options.depth_nm.value_or(0));
   require("--compand", options.compand.value_or(1));
+  require("--reply-deadband", options.reply_deadband_permille.value_or(0));
   require("--undo-marks-at", options.undo_marks_at_s.value_or(0));
   require("--connect-timeout-s", options.connect_timeout_s);
   require("--give-up-s", options.give_up_s);
