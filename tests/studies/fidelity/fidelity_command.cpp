@@ -239,7 +239,12 @@ void add_fidelity_command(CLI::App& app, int& exit_code) {
           "--reply-deadband", a->options.reply_permille,
           "run each cell once more with this deadband of replies, in thousandths of the force: replies.csv "
           "says how many are left out and what that costs")
-      ->check(CLI::Range(1.0, 1000.0))
+      // CLI11's own range accepts "nan".
+      ->check([](const std::string& word) {
+        double permille = 0;
+        const bool good = CLI::detail::lexical_cast(word, permille) && permille >= 1 && permille <= 1000;
+        return good ? std::string() : "'" + word + "' is not a number from 1 to 1000";
+      })
       ->type_name("PERMILLE");
   command->add_flag("--real", a->options.real,
                     "run the real programs through a relay in real time, with the first value of --rtt [100] "
