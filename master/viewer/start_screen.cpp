@@ -7,14 +7,13 @@
 #include <cstring>
 
 #include "telenano/master/viewer/gl.h"
+#include "telenano/master/viewer/layout.h"
 
 namespace telenano::viewer {
 namespace {
 
 constexpr std::array<const char*, 9> kMethods = {"auto", "twin", "tank",     "model", "tdpa",
                                                  "wave", "ks",   "ks-clamp", "none"};
-constexpr double kLeastWidth = 640;
-constexpr double kLeastHeight = 480;
 constexpr float kMostWide = 900;
 
 // ImGui edits characters, not strings.
@@ -239,8 +238,8 @@ StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_mod
 StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFacts& facts,
                                     view_model::StartChoice& choice) {
   // As large as asked for, as far as the window has room.
-  const double room = std::max(
-      1.0, std::min(width_px / (kLeastWidth * screen_scale_), height_px / (kLeastHeight * screen_scale_)));
+  const double room = std::max(1.0, std::min(width_px / (kLeastWidth_px * screen_scale_),
+                                             height_px / (kLeastHeight_px * screen_scale_)));
   gui_.set_scale(screen_scale_ * static_cast<float>(std::min(choice.text_size, room)));
   ImGui_ImplOpenGL3_NewFrame();
   const ImVec2 whole{static_cast<float>(width_px), static_cast<float>(height_px)};

@@ -13,7 +13,7 @@ namespace telenano::viewer {
 namespace {
 
 // Nothing moves here but a cursor.
-constexpr auto kFrame = std::chrono::milliseconds(33);
+constexpr auto kStartFrame = std::chrono::milliseconds(33);
 
 }  // namespace
 
@@ -50,7 +50,7 @@ bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const 
     window.show_frame();
     window.tell(fmt::format("start, {}{} at {}{}", choice.device, choice.record ? ", recording" : "",
                             choice.server, facts.plan ? ", answered" : ""));
-    std::this_thread::sleep_until(began + kFrame);
+    std::this_thread::sleep_until(began + kStartFrame);
   }
   return false;
 }

@@ -19,11 +19,8 @@ namespace {
 
 using view_model::ViewRequest;
 
-constexpr double kTrailStep_nm = 0.25;
 constexpr double kTextLeast = 0.75;
 constexpr double kTextMost = 2.5;
-constexpr double kLeastWidth = 640;
-constexpr double kLeastHeight = 480;
 
 ChartBox box_of(const Area& area) {
   return {{static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
@@ -131,8 +128,8 @@ void Viewer::set_text_size(double times) noexcept {
 
 // The layout has room for words of the screen's own size in 640 × 480 of its points.
 void Viewer::fit_text(int width_px, int height_px) {
-  const double room = std::max(
-      1.0, std::min(width_px / (kLeastWidth * screen_scale_), height_px / (kLeastHeight * screen_scale_)));
+  const double room = std::max(1.0, std::min(width_px / (kLeastWidth_px * screen_scale_),
+                                             height_px / (kLeastHeight_px * screen_scale_)));
   gui_.set_scale(screen_scale_ * static_cast<float>(std::min(text_size_, room)));
 }
 

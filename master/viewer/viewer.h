@@ -98,6 +98,7 @@ class Viewer {
 
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
+  static constexpr double kTrailStep_nm = 0.25;
 
   void fit_text(int width_px, int height_px);
   void handle_text_keys(double time_s);

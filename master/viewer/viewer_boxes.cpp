@@ -11,12 +11,6 @@
 #include "telenano/master/viewer/profile_chart.h"
 
 namespace telenano::viewer {
-namespace {
-
-constexpr double kTrailStep_nm = 0.25;
-
-}  // namespace
-
 void Viewer::draw_guide(const Layout& layout) {
   if (!guide_ || playback_ != nullptr || !ending_.lines.empty()) return;
   using Hand = view_model::FirstTouch::Hand;
