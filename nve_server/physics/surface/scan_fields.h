@@ -238,7 +238,9 @@ class ScanFields final : public ContactFields {
   static constexpr int kLayerLanes = 4;  // H, ρ, c, 0
   static constexpr std::size_t kMostTogether = 8;
   void press_alike(const Grid& one, const FieldMark& mark, double x, double y) noexcept;
+  class Pressing;
   void press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept;
+  void hold_up(std::size_t coarse, double x, double y) noexcept;
   const Layer* layer_of(double softening_nm) const noexcept;
   ScanFields() = default;
   /// All but the coefficients; the lattice of the coarsest grid.
