@@ -490,17 +490,19 @@ void add_import_command(CLI::App& app) {
   auto options = std::make_shared<Options>();
   command
       ->add_option("file", options->file,
-                   "the scan: .gwy or .gsf; Gwyddion, if installed, converts other formats")
+                   "Scan: .gwy or .gsf; Gwyddion, if installed, converts other formats")
       ->required()
       ->type_name("FILE");
   command
       ->add_option("-o,--out", options->out,
-                   "folder for the scene and its scan; left out: the file's name without its ending")
+                   "Folder for the scene and its scan (default: the file's name without its ending)")
       ->type_name("FOLDER");
-  command->add_flag("--list", options->list, "only list the channels, as CSV");
-  command->add_option("--channel", options->channel, "title or number; left out: the first of heights (in m)")
+  command->add_flag("--list", options->list, "Only list the channels, as CSV");
+  command
+      ->add_option("--channel", options->channel,
+                   "Title or number of the channel (default: the first that holds heights, in m)")
       ->type_name("TITLE|NUMBER");
-  command->add_option("--level", options->level, "plane: take out the plane that most of the scan lies on")
+  command->add_option("--level", options->level, "plane: subtract the plane that most of the scan lies on")
       ->capture_default_str()
       ->check(CLI::IsMember({"plane", "none"}));
   command->add_option("--flatten", options->flatten, "rows-median: align the scan's lines")
@@ -508,21 +510,21 @@ void add_import_command(CLI::App& app) {
       ->check(CLI::IsMember({"rows-median", "none"}));
   command
       ->add_option("--spikes", options->spikes,
-                   "remove single pixels that stand out by more than this many times the noise, e.g. 10")
+                   "Remove single pixels that stand out by more than this many times the noise, e.g. 10")
       ->capture_default_str()
       ->type_name("SIGMA|none");
   command->add_flag("--fill-masked", options->fill_masked,
-                    "fill the pixels under the channel's mask from their surroundings");
+                    "Fill the pixels under the channel's mask from their surroundings");
   command
       ->add_option("--tip-radius-nm", options->tip_radius_nm,
-                   "radius of the tip that will touch the sample, 1 to 1e4")
+                   "Radius of the tip that will touch the sample, 1 to 1e4")
       ->capture_default_str();
   command
       ->add_option("--deconvolve-radius-nm", options->deconvolve,
-                   "remove the width of the tip that measured the scan: its radius, 1 to 1e4, or blind: the "
+                   "Remove the width of the tip that measured the scan: its radius, 1 to 1e4, or blind: the "
                    "bluntest tip that the scan allows; also writes NAME_certainty.gsf")
       ->type_name("R|blind");
-  command->add_flag("--force", options->force, "replace existing files");
+  command->add_flag("--force", options->force, "Replace existing files");
   command->footer(
       "Writes FOLDER/NAME.gsf and FOLDER/scene.toml, whose comments say what was done. A scan "
       "holds no material data:\nedit the scene's [sample] and [probe]. Order of the steps: gaps, "
