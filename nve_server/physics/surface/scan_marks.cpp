@@ -87,7 +87,14 @@ struct CraterRow {
       old[k] = own[at + 1];
       cosine[k] = own[at + 2];
     }
-    det_exp_each(origin, static_cast<std::size_t>(count), origin);
+    // Level ground has one radius before any mark.
+    bool alike = true;
+    for (int k = 1; k < count; ++k) alike &= origin[k] == origin[0];
+    if (alike && count > 0) {
+      std::fill_n(origin, count, det_exp(origin[0]));
+    } else {
+      det_exp_each(origin, static_cast<std::size_t>(count), origin);
+    }
     det_exp_each(old, static_cast<std::size_t>(count), old);
     for (int k = 0; k < count; ++k) old[k] *= strain;
     if (count % 2 != 0) {  // the last goes with one that is thrown away
@@ -106,38 +113,41 @@ struct CraterRow {
   }
 };
 
-/// Raises `count` coefficients in a row by height · level, those of a level above 0, and tells by how much their words have grown.
-/// Their number of lanes is a constant, so that nothing is looked up for each.
+/// Raises `count` coefficients in a row by height · level, those of a level above 0, keeps their words, and tells by how much
+/// these have grown. Their number of lanes is a constant, so that nothing is looked up for each.
 template <int kLanesEach, bool kTwoLevels>
-std::uint64_t raise_row(double* at, std::size_t number, const double* level, int count,
+std::uint64_t raise_row(double* at, std::uint64_t* words, std::size_t number, const double* level, int count,
                         double height) noexcept {
   std::uint64_t change = 0;
   for (int i = 0; i < count; ++i, ++number, at += kLanesEach) {
     if (!(level[i] > 0.0)) continue;
     const double rise = height * level[i];
-    change -= word_of(number, at, kTwoLevels);
     at[0] += rise;
     if constexpr (kTwoLevels) at[3] += rise;
-    change += word_of(number, at, kTwoLevels);
+    const std::uint64_t word = word_of(number, at, kTwoLevels);
+    change += word - words[number];
+    words[number] = word;
   }
   return change;
 }
 
 /// The same for what falls in a crater, with ρ rising.
 template <int kLanesEach, bool kTwoLevels>
-std::uint64_t lower_row(double* line, std::size_t first, const CraterRow& part, int from, int to) noexcept {
+std::uint64_t lower_row(double* line, std::uint64_t* words, std::size_t first, const CraterRow& part,
+                        int from, int to) noexcept {
   std::uint64_t change = 0;
   for (int k = from; k < to; ++k) {
     const auto i = static_cast<std::size_t>(part.column[k]);
     double* const at = line + i * kLanesEach;
-    change -= word_of(first + i, at, kTwoLevels);
     at[0] -= part.fall[k];
     at[1] += part.rise[k];
     if constexpr (kTwoLevels) {
       at[3] -= part.fall[k];
       at[4] += part.rise[k];
     }
-    change += word_of(first + i, at, kTwoLevels);
+    const std::uint64_t word = word_of(first + i, at, kTwoLevels);
+    change += word - words[first + i];
+    words[first + i] = word;
   }
   return change;
 }
@@ -153,9 +163,12 @@ constexpr double kMostLogRadiusRise = 12;
 class ScanFields::Grid::Changing {
  public:
   Changing(Grid& grid, std::size_t number) noexcept : grid_(grid), number_(number) {
-    grid_.digest -= grid_.word(number_);
+    grid_.digest -= grid_.words[number_];
   }
-  ~Changing() { grid_.digest += grid_.word(number_); }
+  ~Changing() {
+    grid_.words[number_] = grid_.word(number_);
+    grid_.digest += grid_.words[number_];
+  }
   Changing(const Changing&) = delete;
   Changing& operator=(const Changing&) = delete;
 
@@ -267,15 +280,21 @@ ScanFields::Grid ScanFields::Grid::for_marks() const {
   copy.made = made;
   copy.tiles = tiles;
   copy.grid_number = grid_number;
+  const std::size_t coefficients = size() / static_cast<std::size_t>(lanes);
   if (tiles != nullptr) {
     copy.own_tiles = std::make_unique<surface::ReservedMemory>(size());
     copy.own = copy.own_tiles->data();
+    static_assert(sizeof(std::uint64_t) == sizeof(double));
+    copy.words_tiles = std::make_unique<surface::ReservedMemory>(coefficients);
+    copy.words = reinterpret_cast<std::uint64_t*>(copy.words_tiles->data());  // nobody has them as doubles
   } else {
     // Zeroed by the system when first touched, if at all.
     copy.own_whole.reset(static_cast<double*>(std::calloc(size(), sizeof(double))));
     copy.own = copy.own_whole.get();
+    copy.words_whole.reset(static_cast<std::uint64_t*>(std::calloc(coefficients, sizeof(std::uint64_t))));
+    copy.words = copy.words_whole.get();
   }
-  if (copy.own == nullptr) throw std::bad_alloc();
+  if (copy.own == nullptr || copy.words == nullptr) throw std::bad_alloc();
   copy.tiles_across = (columns + 2 + kTile - 1) / kTile;
   const int tiles_along = (rows + 2 + kTile - 1) / kTile;
   copy.copied.assign(static_cast<std::size_t>(copy.tiles_across) * static_cast<std::size_t>(tiles_along), 0);
@@ -288,15 +307,19 @@ void ScanFields::Grid::copy_tile(int across, int along) noexcept {
   const int last = std::min((along + 1) * kTile, rows + 2);
   need(across * kTile, across * kTile + count - 1, along * kTile, last - 1);
   if (own_tiles) {
-    const auto line = static_cast<std::size_t>(stride());
+    const auto line = static_cast<std::size_t>(columns + 2);
     const std::size_t from = static_cast<std::size_t>(along * kTile) * line;
-    if (!own_tiles->open(from, static_cast<std::size_t>(last - along * kTile) * line)) std::abort();
+    const std::size_t all = static_cast<std::size_t>(last - along * kTile) * line;
+    const auto each = static_cast<std::size_t>(lanes);
+    if (!own_tiles->open(from * each, all * each) || !words_tiles->open(from, all)) std::abort();
   }
   for (int j = along * kTile; j < last; ++j) {
     const std::size_t at = static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
                            static_cast<std::size_t>(across * kTile) * static_cast<std::size_t>(lanes);
     std::memcpy(own + at, made.get() + at,
                 static_cast<std::size_t>(count) * static_cast<std::size_t>(lanes) * sizeof(double));
+    const std::size_t first = at / static_cast<std::size_t>(lanes);
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(count); ++i) words[i] = word(i);
   }
 }
 
@@ -452,23 +475,42 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
 
   for (Grid* const grid : grids) {
     for (int r = 0; r < 4; ++r) {
-      for (int c = 0; c < 4; ++c) grid->digest -= grid->word(number_of(column + c, row + r));
+      for (int c = 0; c < 4; ++c) grid->digest -= grid->words[number_of(column + c, row + r)];
     }
   }
   const double last_a = mark.strain * mark.last_radius_nm;
   double risen[kMostTogether] = {};
   double lost = 0;
+  // The row after this one is fetched while this one is worked on: rows lie too far apart for the processor to
+  // foresee where the next one begins.
+  const auto fetch = [](const double* begin, std::size_t values) {
+    constexpr std::size_t kLine = 8;
+    for (std::size_t i = 0; i < values; i += kLine) __builtin_prefetch(begin + i);
+  };
+  ColumnPlaces places(first_column, last_column, xi_of);
   CraterRow part;
   each_within(1.0, [&](int j, double eta, int left, int right) {
+    for (Grid* const grid : grids) {
+      if (j == last_row || !(mark.strain > 0.0)) break;
+      const auto lanes = static_cast<std::size_t>(grid->lanes);
+      const std::size_t at = number_of(left, j + 1) * lanes;
+      const std::size_t values = static_cast<std::size_t>(right + 1 - left) * lanes;
+      fetch(grid->own + at, values);
+      fetch(grid->made.get() + at, values);
+    }
     for (int from = left; from <= right; from += CraterRow::kMost) {
+      const int across = std::min(CraterRow::kMost, right + 1 - from);
+      const double* const xi = places.of(from, across);
+      double level[CraterRow::kMost], fall[CraterRow::kMost];
+      for (int k = 0; k < across; ++k) {
+        level[k] = crater_level(xi[k], eta);
+        fall[k] = level[k] * (a[0] + a[1] * xi[k] + a[2] * eta);
+      }
       part.count = 0;
-      for (int i = from; i <= std::min(right, from + CraterRow::kMost - 1); ++i) {
-        const double xi = xi_of(i);
-        const double level = crater_level(xi, eta);
-        if (!(level > 0.0)) continue;
-        const double fall = level * (a[0] + a[1] * xi + a[2] * eta);
-        if (inside(i, j)) lost += fall;
-        part.add(i, level, fall);
+      for (int k = 0; k < across; ++k) {
+        if (!(level[k] > 0.0)) continue;
+        if (inside(from + k, j)) lost += fall[k];
+        part.add(from + k, level[k], fall[k]);
       }
       for (std::size_t g = 0; g < grids.size(); ++g) {
         Grid& grid = *grids[g];
@@ -483,8 +525,9 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
         }
         double* const at_line = grid.own + line * lanes;
         const auto lower = [&](int first, int last) {
-          grid.digest += two_levels ? lower_row<kLanes, true>(at_line, line, part, first, last)
-                                    : lower_row<kLayerLanes, false>(at_line, line, part, first, last);
+          grid.digest += two_levels
+                             ? lower_row<kLanes, true>(at_line, grid.words, line, part, first, last)
+                             : lower_row<kLayerLanes, false>(at_line, grid.words, line, part, first, last);
         };
         // The 16 that reach the mark are in the digest when all is done.
         int reached = part.count, beyond = part.count;
@@ -518,17 +561,18 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
         double* const at = grid.own + number * static_cast<std::size_t>(grid.lanes);
         at[1] += lacking;
         if (grid.lanes == kLanes) at[4] += lacking;
-        grid.digest += grid.word(number);
+        grid.words[number] = grid.word(number);
+        grid.digest += grid.words[number];
       }
     }
   }
   if (!(mark.pile_up > 0.0 && lost > 0.0)) return;
-  HeapRows rows_of_heap(first_column, last_column, xi_of);
+  HeapRows rows_of_heap;
   const auto each_of_heap = [&](const auto& use) {
     each_within(kHeapReach, [&](int j, double eta, int left, int right) {
       for (int from = left; from <= right; from += HeapRows::kBlock) {
         const int count = std::min(HeapRows::kBlock, right + 1 - from);
-        use(j, from, count, rows_of_heap.levels(from, count, eta, xi_of));
+        use(j, from, count, rows_of_heap.levels(from, count, eta, places));
       }
     });
   };
@@ -550,12 +594,16 @@ void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, doub
     const auto raise = [&](int first, int last) {  // of the row's columns
       if (first >= last) return;
       for (Grid* const grid : grids) {
+        if (j < last_row)
+          fetch(grid->own + number_of(first, j + 1) * static_cast<std::size_t>(grid->lanes),
+                static_cast<std::size_t>(last - first) * static_cast<std::size_t>(grid->lanes));
         const std::size_t number = number_of(first, j);
         double* const at = grid->own + number * static_cast<std::size_t>(grid->lanes);
         const double* const levels = level + (first - from);
-        grid->digest += grid->lanes == kLanes
-                            ? raise_row<kLanes, true>(at, number, levels, last - first, height)
-                            : raise_row<kLayerLanes, false>(at, number, levels, last - first, height);
+        grid->digest +=
+            grid->lanes == kLanes
+                ? raise_row<kLanes, true>(at, grid->words, number, levels, last - first, height)
+                : raise_row<kLayerLanes, false>(at, grid->words, number, levels, last - first, height);
       }
     };
     const int end = from + count;
