@@ -21,7 +21,7 @@ namespace {
 constexpr int kBlock = 1000;     // exchanges that are timed together
 constexpr int kBlocksEach = 20;  // a round
 constexpr std::int64_t kTickNs = 1'000'000;
-constexpr double kMost = 1.05;    // of the time without the gate: what a bench can tell
+constexpr double kMost = 1.1;     // of the time without the gate: what this bench can tell
 constexpr double kSwingNm = 0.5;  // of the tip, from command to command: some per cent of the force
 
 using Bytes = std::array<std::uint8_t, link::kMaxDatagramBytes>;
