@@ -14,6 +14,7 @@ namespace {
 
 // Nothing moves here but a cursor.
 constexpr auto kFrame = std::chrono::milliseconds(33);
+constexpr std::size_t kTitled = 60;  // characters of the server in the title
 
 }  // namespace
 
@@ -48,8 +49,13 @@ bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const 
       }
     }
     window.show_frame();
+    view_model::StartFaults faults = view_model::start_faults(choice);
+    faults.add(facts.faults);
     window.tell(fmt::format("start, {}{} at {}{}", choice.device, choice.record ? ", recording" : "",
-                            choice.server, facts.plan ? ", answered" : ""));
+                            view_model::shown_text(choice.server, kTitled),
+                            !faults.first().empty() ? ", " + faults.first_field() + ": " + faults.first()
+                            : facts.plan            ? ", answered"
+                                                    : ""));
     std::this_thread::sleep_until(began + kFrame);
   }
   return false;
