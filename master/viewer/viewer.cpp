@@ -198,6 +198,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::GetIO().DisplaySize = {static_cast<float>(width_px), static_cast<float>(height_px)};
   ImGui::NewFrame();
+  watch_recording(recording, time_s);
   handle_keys(time_s);
   if (playback_ != nullptr) take_played(time_s);
   follow_tip(time_s - std::exchange(followed_s_, time_s));
@@ -212,6 +213,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
   draw_banner(gui_, facts_, live_, layout.overview, !ending_.lines.empty(), port_.twin.load(),
               panel_.practice_text());
+  place_text(time_s, layout.overview);
   draw_guide(layout);
   if (views_ != Views::kCloseUp) {
     const SceneState now = state(true);
@@ -248,7 +250,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   draw_note(time_s);
   // After a note that was ended in this very frame.
   if (std::exchange(leaves_, false)) panel_.quit();
-  draw_text(time_s, layout.overview);
+  draw_text();
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
