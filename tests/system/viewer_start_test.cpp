@@ -54,6 +54,7 @@ field() {
 }
 next() { xdotool key Tab; sleep 0.2; }
 many=$(printf 'w%.0s' $(seq 10000))
+long=$(printf 'w%.0s' $(seq 4200))
 $master start --server $server 2>err.txt &
 start=$!
 see 'Telenano: start, sim at .*, answered'
@@ -72,7 +73,7 @@ field $server "$server"; xdotool key Return; see "Telenano: start, sim, recordin
 xdotool mousemove 420 58 click 1; sleep 0.2; next
 field none.key 'Key file: There is no such file'
 field folder 'Key file: This is a folder'
-field "$many" 'Key file: .*this one has 10000$'
+field "$long" 'Key file: .*this one has 4200$'
 field here.key "$server$"; xdotool key Return
 see 'Key file: key file here.key: holds a secret but its mode 0644'
 xdotool mousemove 420 58 click 1; sleep 0.2; next
@@ -85,7 +86,7 @@ xdotool key shift+Tab; sleep 0.2; field '' "$server"; next
 field folder 'Recording: This is a folder'
 field none/a.h5 'Recording: There is no such folder'
 field here.key 'Recording: This file exists already'
-field "$many" 'Recording: .*this one has 10000$'
+field "$long" 'Recording: .*this one has 4200$'
 field ok.h5 "$server"
 kill -0 $start && echo lives
 xdotool key Return; sleep 0.3; xdotool key Return

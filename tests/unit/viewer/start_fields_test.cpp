@@ -167,7 +167,7 @@ TEST_F(StartFields, BrokenTextCanBeEdited) {
     StartScreen screen(1);
     for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
     EXPECT_TRUE(says("isnotext(UTF-8)")) << text_;
-    const Glyph* const name = glyph_of("Server", 40);
+    const Glyph* const name = glyph_of("Server", 240);
     ASSERT_NE(name, nullptr);
     ImGuiIO& io = ImGui::GetIO();
     io.MousePos = {name->x0 + 300, name->y0 + 5};
