@@ -37,7 +37,7 @@ TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
 // 10 000 characters), and in the end a session begins.
 TEST_F(ViewerPrograms, NonsenseInEveryFieldIsToldThereAndCanBeCorrected) {
   if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
-  Server server(scene_path("flakes"));
+  Server server(scene_path("flat_silicon_oxide"));
   std::ofstream(path("here.key")) << "no key";
   std::filesystem::permissions(path("here.key"), std::filesystem::perms(0644));
   std::filesystem::create_directory(path("folder"));
@@ -90,7 +90,7 @@ field "$long" 'Recording: .*this one has 4200$'
 field ok.h5 "$server"
 kill -0 $start && echo lives
 xdotool key Return; sleep 0.3; xdotool key Return
-see 'Telenano: flakes at'; await 'grep -q " mJ " err.txt'
+see 'Telenano: flat_silicon_oxide at'; await 'grep -q " mJ " err.txt'
 press_until ctrl+q 'grep -q stopped.by.the.operator err.txt'
 see 'Telenano: start, sim, recording'; kill $start; wait $start; echo ended with $?
 # What no keyboard can type is given when it begins.
@@ -101,7 +101,7 @@ for flags in "--server $(printf 'l\377b:5100')" "--server $(printf 'l\007b:5100'
   case "$flags" in
     *b:5100) see 'Telenano: start, sim at .*Server: ' ;;
     *key*) see 'Telenano: start, sim at .*Key file: This is a folder' ;;
-    *) see 'Telenano: start, sim at .*Sample: --server-scene .nonsense.: the server serves only .flakes' ;;
+    *) see 'Telenano: start, sim at .*Sample: --server-scene .nonsense.: the server serves only .flat_silicon_oxide' ;;
   esac
   kill $start; wait $start; echo ended with $?
 done
