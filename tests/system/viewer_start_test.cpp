@@ -93,22 +93,9 @@ xdotool key Return; sleep 0.3; xdotool key Return
 see 'Telenano: flat_silicon_oxide at'; await 'grep -q " mJ " err.txt'
 press_until ctrl+q 'grep -q stopped.by.the.operator err.txt'
 see 'Telenano: start, sim, recording'; kill $start; wait $start; echo ended with $?
-# What no keyboard can type is given when it begins.
-for flags in "--server $(printf 'l\377b:5100')" "--server $(printf 'l\007b:5100')" "--server $server --key folder" \
-             "--server $server --server-scene nonsense"; do
-  $master start $flags 2>>err.txt &
-  start=$!
-  case "$flags" in
-    *b:5100) see 'Telenano: start, sim at .*Server: ' ;;
-    *key*) see 'Telenano: start, sim at .*Key file: This is a folder' ;;
-    *) see 'Telenano: start, sim at .*Sample: --server-scene .nonsense.: the server serves only .flat_silicon_oxide' ;;
-  esac
-  kill $start; wait $start; echo ended with $?
-done
 )sh";
   const Finished user = before_a_screen(4 * kLong);
-  EXPECT_EQ(user.out, "lives\nended with 0\nended with 0\nended with 0\nended with 0\nended with 0\n")
-      << user.err << file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "lives\nended with 0\n") << user.err << file_text(path("err.txt"));
   EXPECT_TRUE(recording::RecordingReader(path("ok.h5")).closed());
 }
 

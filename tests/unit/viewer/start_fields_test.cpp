@@ -158,32 +158,6 @@ TEST_F(StartFields, WhatIsTypedIsKeptHoweverMuchItIs) {
   for (const char c : choice_.server) EXPECT_FALSE(static_cast<unsigned char>(c) < 0x20 || c == 0x7F);
 }
 
-// Bytes that are no text come by flags and from the list of servers: they are shown, and a letter more does no harm.
-TEST_F(StartFields, BrokenTextCanBeEdited) {
-  for (const std::string& broken :
-       {std::string("\xff"), std::string("a\xc3"), std::string("\xe2\x82"), std::string("\x80\x80\x80\x80"),
-        std::string("\xf8\x88\x80\x80\x80z"), std::string("\xed\xa0\x80:5100")}) {
-    choice_.server = broken;
-    StartScreen screen(1);
-    for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
-    EXPECT_TRUE(says("isnotext(UTF-8)")) << text_;
-    const Glyph* const name = glyph_of("Server", 240);
-    ASSERT_NE(name, nullptr);
-    ImGuiIO& io = ImGui::GetIO();
-    io.MousePos = {name->x0 + 300, name->y0 + 5};
-    draw(screen, 1280, 800);
-    for (const bool down : {true, false}) {
-      io.MouseDown[0] = down;
-      draw(screen, 1280, 800);
-    }
-    EXPECT_EQ(choice_.server, broken) << "as long as nothing is typed";
-    io.AddInputCharacter('x');
-    draw(screen, 1280, 800);
-    EXPECT_NE(choice_.server.find('x'), std::string::npos);
-    for (const Glyph& g : glyphs_) EXPECT_LE(g.y1, 800);
-  }
-}
-
 // A name that no server has confirmed can be left by mouse.
 TEST_F(StartFields, ASampleThatTheServerDoesNotHaveCanBeLeft) {
   StartScreen screen(1);
