@@ -37,7 +37,7 @@ Handle create_extendable(hid_t file, const std::string& name, hid_t type, std::s
           H5Dclose};
 }
 
-std::string column_path(const Column& column) {
+std::string path_of(const Column& column) {
   return std::string(kSamplesGroup) + "/" + column.name;
 }
 
@@ -138,7 +138,7 @@ void RecordingFile::create_datasets() {
   const Handle group(H5Gcreate2(file_.get(), kSamplesGroup, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose);
   bool good = static_cast<bool>(group);
   for (const Column& column : sample_columns()) {
-    const Handle dataset = create_extendable(file_.get(), column_path(column), file_type(column.type),
+    const Handle dataset = create_extendable(file_.get(), path_of(column), file_type(column.type),
                                              column.components, kChunkRows);
     good = good && dataset && write_text_attribute(dataset.get(), "unit", column.unit) &&
            write_text_attribute(dataset.get(), "description", column.description);
@@ -191,7 +191,7 @@ void RecordingFile::open_datasets() {
   std::size_t widest = 0;
   bool good = true;
   for (const Column& column : sample_columns()) {
-    columns_.emplace_back(H5Dopen2(file_.get(), column_path(column).c_str(), H5P_DEFAULT), H5Dclose);
+    columns_.emplace_back(H5Dopen2(file_.get(), path_of(column).c_str(), H5P_DEFAULT), H5Dclose);
     good = good && columns_.back();
     widest = std::max(widest, column.bytes());
   }

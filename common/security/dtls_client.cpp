@@ -16,7 +16,6 @@
 namespace telenano::security {
 namespace {
 
-constexpr int kDatagramsPerReceive = 64;
 constexpr int kNoAlert = -1;
 
 // Type of the protocol's Hello (PROTOCOL.md 1): the only datagram that waits for the end of a handshake. It

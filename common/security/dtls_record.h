@@ -25,6 +25,8 @@ inline constexpr std::size_t kChaChaSealBytes = 16;
 inline constexpr std::size_t kMaxWireBytes = 2048;
 /// Bytes of a handshake's datagrams: IPv6's smallest path of 1280, without IP and UDP headers.
 inline constexpr std::size_t kHandshakeMtu = 1200;
+/// Most datagrams that one call to receive() looks at: what is not for the loop behind must not keep it from its time-outs for long.
+inline constexpr int kDatagramsPerReceive = 64;
 
 /// Are these whole records, one after the other, that may be shown to OpenSSL? A sealed one that is too short
 /// for its seal must not: OpenSSL 3.0.19 answers it with a fatal alert before it looks at the seal, and

@@ -32,8 +32,6 @@ using State = Association::State;
 
 constexpr std::size_t kNone = Associations::kNone;
 constexpr std::int64_t kTickNs = 5'000'000;
-// What is not for the loop behind must not keep it from its time-outs for long.
-constexpr int kDatagramsPerReceive = 64;
 constexpr std::size_t kAddressBuckets = 256;
 
 std::int64_t system_time_s() {

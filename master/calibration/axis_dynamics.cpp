@@ -18,6 +18,7 @@ using Complex = std::complex<double>;
 constexpr double kWindow_s = 1.0;
 constexpr double kHop_s = 0.5;
 constexpr double kLongestPause_s = 0.005;
+constexpr double kLongestCall_s = 0.005;
 constexpr int kPeriods = 8;                         // of w's carrier in a window
 constexpr int kEdges = 2;                           // sin^4 has harmonics up to this one
 constexpr int kOrders = kPeriods + 2 * kEdges + 1;  // of e^{2 pi i q u}: q = -2 ... 10
@@ -25,7 +26,7 @@ constexpr int kRows = 1 + 2 * kPeriods;
 constexpr int kStretches = 16;
 constexpr double kStudent = 2.131;  // 97.5 %, 15 degrees of freedom
 constexpr double kForceNoise_n = 0.01;
-constexpr double kVelocityReach_s = 0.004;
+constexpr double kSlopeReach_s = 0.004;
 constexpr double kStandsStill_m_s = 3e-4;
 constexpr double kLatencyMost_s = 0.012;
 constexpr double kLatencyGrid_s = 0.002;
@@ -79,8 +80,8 @@ void put_rows(const Orders& orders, const Factor& factor, Column& rows) {
 double velocity_at(std::span<const DynamicsSample> track, std::size_t i) {
   std::size_t before = i;
   std::size_t after = i;
-  while (before > 0 && track[i].time_s - track[before].time_s < kVelocityReach_s) --before;
-  while (after + 1 < track.size() && track[after].time_s - track[i].time_s < kVelocityReach_s) ++after;
+  while (before > 0 && track[i].time_s - track[before].time_s < kSlopeReach_s) --before;
+  while (after + 1 < track.size() && track[after].time_s - track[i].time_s < kSlopeReach_s) ++after;
   const double dt = track[after].time_s - track[before].time_s;
   return dt > 0 ? (track[after].position_m - track[before].position_m) / dt : 0;
 }
@@ -128,12 +129,12 @@ class Window {
   Column force(double latency_s) const {
     Orders f{};
     std::size_t i = first_;
-    while (i > 0 && track_[i].time_s + latency_s > start_s_) --i;
+    while (i > 0 && track_[i].force_time_s + latency_s > start_s_) --i;
     for (; i < track_.size(); ++i) {
-      const double end_s = i + 1 < track_.size() ? track_[i + 1].time_s : track_[i].time_s;
-      const double from_s = std::clamp(track_[i].time_s + latency_s - start_s_, 0.0, kWindow_s);
+      const double end_s = i + 1 < track_.size() ? track_[i + 1].force_time_s : track_[i].force_time_s;
+      const double from_s = std::clamp(track_[i].force_time_s + latency_s - start_s_, 0.0, kWindow_s);
       const double to_s = std::clamp(end_s + latency_s - start_s_, 0.0, kWindow_s);
-      if (track_[i].time_s + latency_s - start_s_ > kWindow_s) break;
+      if (track_[i].force_time_s + latency_s - start_s_ > kWindow_s) break;
       const Complex turn_from = std::polar(1.0, omega(1) * from_s);
       const Complex turn_to = std::polar(1.0, omega(1) * to_s);
       Complex wave_from = std::conj(turn_from * turn_from);
@@ -231,8 +232,10 @@ std::vector<Window> windows_of(std::span<const DynamicsSample> track, const std:
     while (track[first].time_s < start_s) ++first;
     std::size_t end = first;
     bool paused = false;
-    for (; end < track.size() && track[end].time_s <= start_s + kWindow_s; ++end)
-      paused = paused || (end > 0 && track[end].time_s - track[end - 1].time_s > kLongestPause_s);
+    for (; end < track.size() && track[end].time_s <= start_s + kWindow_s; ++end) {
+      paused = paused || track[end].unsure_s > kLongestCall_s ||
+               (end > 0 && track[end].time_s - track[end - 1].time_s > kLongestPause_s);
+    }
     if (!paused && end - first > 4 * kOrders) windows.emplace_back(track, sign, start_s, first, end);
   }
   return windows;

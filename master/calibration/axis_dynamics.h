@@ -5,11 +5,14 @@
 
 namespace telenano::calibration {
 
-/// One reading of an axis: where it was, and the force that was applied from then to the next reading.
+/// One tick of an axis: where it was, and the force that was applied until the next tick's. The two have times of their own:
+/// on a busy machine the processor may be taken away between the reading and the command.
 struct DynamicsSample {
-  double time_s = 0;
+  double time_s = 0;  ///< of the position
   double position_m = 0;
+  double force_time_s = 0;  ///< from when on the force is applied; not before time_s
   double force_n = 0;
+  double unsure_s = 0;  ///< how long the reading or the command took: its time is unknown by half of that
 };
 
 /// A value with its two-sided 95 % interval.
@@ -56,7 +59,7 @@ struct AxisDynamics {
 ///
 /// Intervals   jackknife over sixteen stretches of the track, Student's t with 15 degrees of freedom: they
 ///             hold errors of the model that change with time, not those that are the same throughout.
-/// Needs       a track of about 9 s, times increasing; a pause of more than 5 ms is left out.
+/// Needs       a track of about 9 s, times increasing; what is beside a pause or a call of more than 5 ms is left out.
 AxisDynamics identify_axis(std::span<const DynamicsSample> track);
 
 }  // namespace telenano::calibration

@@ -106,7 +106,8 @@ bool DynamicsMeasurement::is_safe(const Vec3& pos_h_m) noexcept {
   return end_ == MeasurementEnd::kRunning;
 }
 
-Vec3 DynamicsMeasurement::force(double time_s, const device::DeviceReading& reading) noexcept {
+Vec3 DynamicsMeasurement::force(const CallTime& when, const device::DeviceReading& reading) noexcept {
+  const double time_s = when.middle_s();
   keeps_ = false;
   if (end_ != MeasurementEnd::kRunning) return Vec3::Zero();
   if (reading.status != device::DeviceStatus::kOk) {
@@ -146,12 +147,16 @@ Vec3 DynamicsMeasurement::force(double time_s, const device::DeviceReading& read
   force_h_n[axis_] += ramp * excitation(in_turn_s);
   auto& track = tracks_[static_cast<std::size_t>(axis_)];
   keeps_ = ramp >= 1 && track.size() < track.capacity();
-  if (keeps_) track.push_back({time_s, pos_h_m[axis_], 0});
+  if (keeps_) track.push_back({time_s, pos_h_m[axis_], time_s, 0, when.took_s()});
   return force_h_n.cwiseMax(-config_.force_max_n).cwiseMin(config_.force_max_n);
 }
 
-void DynamicsMeasurement::applied(const Vec3& force_h_n) noexcept {
-  if (keeps_) tracks_[static_cast<std::size_t>(axis_)].back().force_n = force_h_n[axis_];
+void DynamicsMeasurement::applied(const CallTime& when, const Vec3& force_h_n) noexcept {
+  if (!keeps_) return;
+  DynamicsSample& sample = tracks_[static_cast<std::size_t>(axis_)].back();
+  sample.force_time_s = when.middle_s();
+  sample.force_n = force_h_n[axis_];
+  sample.unsure_s = std::max(sample.unsure_s, when.took_s());
 }
 
 }  // namespace telenano::calibration

@@ -11,6 +11,16 @@
 
 namespace telenano::calibration {
 
+/// When a call into the device acted: between its begin and its end, nobody knows where.
+struct CallTime {
+  double begin_s = 0;
+  double end_s = 0;
+
+  static CallTime at(double time_s) { return {time_s, time_s}; }
+  double middle_s() const { return 0.5 * (begin_s + end_s); }
+  double took_s() const { return end_s - begin_s; }
+};
+
 struct MeasurementConfig {
   double rate_hz = 1000;         ///< of the ticks
   double seconds_per_axis = 20;  ///< 10 to 300
@@ -32,7 +42,7 @@ enum class MeasurementEnd : std::uint8_t {
 const char* end_text(MeasurementEnd end) noexcept;
 
 /// Moves a device's handle about the place where it rests by small known forces, one axis after the other,
-/// and keeps what it did. A tick: read the device, force(), write it, applied().
+/// and keeps what it did. A tick: read the device, force(), write it, applied(), each with its time.
 ///
 /// Force     k (x₀ − x) − d ẋ + Σ a_i sin(2π f_i t + φ_i) on the axis under measurement, the first two alone
 ///           on the others; k = 60 N/m, d = 4 N·s/m, a_i 0.2 N at seven frequencies of 0.7 to 8 Hz that have
@@ -48,10 +58,10 @@ class DynamicsMeasurement {
   /// Throws UserError naming the value and its range.
   explicit DynamicsMeasurement(const MeasurementConfig& config);
 
-  /// The force to command now. Times grow from call to call, from any start.
-  Vec3 force(double time_s, const device::DeviceReading& reading) noexcept;
-  /// What the device really shows of it.
-  void applied(const Vec3& force_h_n) noexcept;
+  /// The force to command now. `when` is that of the reading; times grow from call to call, from any start.
+  Vec3 force(const CallTime& when, const device::DeviceReading& reading) noexcept;
+  /// What the device really shows of it, and when it was commanded: not before its reading.
+  void applied(const CallTime& when, const Vec3& force_h_n) noexcept;
   void stop() noexcept;
 
   MeasurementEnd end() const noexcept { return end_; }

@@ -39,7 +39,7 @@ bool parse_row(std::string_view line, std::array<double, 4>& row) {
          std::fabs(row[2]) <= kMaxPosNm && std::fabs(row[3]) <= kMaxPosNm;
 }
 
-void require(bool good, const char* key, double value, const char* range) {
+void require_of_task(bool good, const char* key, double value, const char* range) {
   if (good) return;
   throw UserError("task: " + std::string(key) + " = " + std::to_string(value) + ", expected " + range);
 }
@@ -47,19 +47,22 @@ void require(bool good, const char* key, double value, const char* range) {
 void check(const TaskOptions& options) {
   const auto between = [](double value, double low, double high) { return value >= low && value <= high; };
   // Below the surface where a session is resumed whose tip still presses.
-  require(between(options.start_height_nm, -kMaxPosNm, kMaxPosNm), "start_height_nm", options.start_height_nm,
-          "-1e6 to 1e6");
-  require(between(options.duration_s, 0.1, kMaxTimeS), "duration_s", options.duration_s, "0.1 to 86400");
-  require(between(options.hover_low_nm, 0, kMaxPosNm), "hover_low_nm", options.hover_low_nm, "0 to 1e6");
-  require(between(options.hover_high_nm, options.hover_low_nm, kMaxPosNm), "hover_high_nm",
-          options.hover_high_nm, "hover_low_nm to 1e6");
-  require(between(options.depth_nm, 0, kMaxPosNm), "depth_nm", options.depth_nm, "0 to 1e6");
-  require(between(options.contact_depth_nm, -kMaxPosNm, kMaxPosNm), "contact_depth_nm",
-          options.contact_depth_nm, "-1e6 to 1e6");
-  require(between(options.retract_nm, 0, kMaxPosNm), "retract_nm", options.retract_nm, "0 to 1e6");
-  require(between(options.scan_size_nm, 0, kMaxPosNm), "scan_size_nm", options.scan_size_nm, "0 to 1e6");
-  require(options.scan_lines >= 1 && options.scan_lines <= 10'000, "scan_lines", options.scan_lines,
-          "1 to 10000");
+  require_of_task(between(options.start_height_nm, -kMaxPosNm, kMaxPosNm), "start_height_nm",
+                  options.start_height_nm, "-1e6 to 1e6");
+  require_of_task(between(options.duration_s, 0.1, kMaxTimeS), "duration_s", options.duration_s,
+                  "0.1 to 86400");
+  require_of_task(between(options.hover_low_nm, 0, kMaxPosNm), "hover_low_nm", options.hover_low_nm,
+                  "0 to 1e6");
+  require_of_task(between(options.hover_high_nm, options.hover_low_nm, kMaxPosNm), "hover_high_nm",
+                  options.hover_high_nm, "hover_low_nm to 1e6");
+  require_of_task(between(options.depth_nm, 0, kMaxPosNm), "depth_nm", options.depth_nm, "0 to 1e6");
+  require_of_task(between(options.contact_depth_nm, -kMaxPosNm, kMaxPosNm), "contact_depth_nm",
+                  options.contact_depth_nm, "-1e6 to 1e6");
+  require_of_task(between(options.retract_nm, 0, kMaxPosNm), "retract_nm", options.retract_nm, "0 to 1e6");
+  require_of_task(between(options.scan_size_nm, 0, kMaxPosNm), "scan_size_nm", options.scan_size_nm,
+                  "0 to 1e6");
+  require_of_task(options.scan_lines >= 1 && options.scan_lines <= 10'000, "scan_lines", options.scan_lines,
+                  "1 to 10000");
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ WideMatrix exponential(const WideMatrix& a, long double h) {
   return result;
 }
 
-void require(bool good, const char* key, double value, const char* range) {
+void require_of_plant(bool good, const char* key, double value, const char* range) {
   if (good) return;
   throw UserError("simulated device: " + std::string(key) + " = " + std::to_string(value) + ", expected " +
                   range);
@@ -60,21 +60,25 @@ void require(bool good, const char* key, double value, const char* range) {
 
 void PlantConfig::validate() const {
   const auto between = [](double value, double low, double high) { return value >= low && value <= high; };
-  require(between(period_s, 1e-5, 0.1), "period_s", period_s, "1e-5 to 0.1");
-  require(between(device_mass_kg, 1e-3, 100), "device_mass_kg", device_mass_kg, "0.001 to 100");
-  require(between(device_damping_n_s_m, 0, 1000), "device_damping_n_s_m", device_damping_n_s_m, "0 to 1000");
-  require(between(coulomb_friction_n, 0, 100), "coulomb_friction_n", coulomb_friction_n, "0 to 100");
-  require(between(force_max_n, 0.01, 1000), "force_max_n", force_max_n, "0.01 to 1000");
-  require(between(force_quantum_n, 0, 1), "force_quantum_n", force_quantum_n, "0 to 1");
-  require(between(position_quantum_m, 0, 1e-3), "position_quantum_m", position_quantum_m, "0 to 0.001");
-  require(between(arm_mass_kg, 1e-3, 1000), "arm_mass_kg", arm_mass_kg, "0.001 to 1000");
-  require(between(arm_stiffness_n_m, 0, 1e5), "arm_stiffness_n_m", arm_stiffness_n_m, "0 to 100000");
-  require(between(arm_damping_n_s_m, 0, 1e4), "arm_damping_n_s_m", arm_damping_n_s_m, "0 to 10000");
-  require(between(grip_stiffness_n_m, 0, 1e6), "grip_stiffness_n_m", grip_stiffness_n_m, "0 to 1000000");
-  require(between(grip_damping_n_s_m, 0, 1e4), "grip_damping_n_s_m", grip_damping_n_s_m, "0 to 10000");
+  require_of_plant(between(period_s, 1e-5, 0.1), "period_s", period_s, "1e-5 to 0.1");
+  require_of_plant(between(device_mass_kg, 1e-3, 100), "device_mass_kg", device_mass_kg, "0.001 to 100");
+  require_of_plant(between(device_damping_n_s_m, 0, 1000), "device_damping_n_s_m", device_damping_n_s_m,
+                   "0 to 1000");
+  require_of_plant(between(coulomb_friction_n, 0, 100), "coulomb_friction_n", coulomb_friction_n, "0 to 100");
+  require_of_plant(between(force_max_n, 0.01, 1000), "force_max_n", force_max_n, "0.01 to 1000");
+  require_of_plant(between(force_quantum_n, 0, 1), "force_quantum_n", force_quantum_n, "0 to 1");
+  require_of_plant(between(position_quantum_m, 0, 1e-3), "position_quantum_m", position_quantum_m,
+                   "0 to 0.001");
+  require_of_plant(between(arm_mass_kg, 1e-3, 1000), "arm_mass_kg", arm_mass_kg, "0.001 to 1000");
+  require_of_plant(between(arm_stiffness_n_m, 0, 1e5), "arm_stiffness_n_m", arm_stiffness_n_m, "0 to 100000");
+  require_of_plant(between(arm_damping_n_s_m, 0, 1e4), "arm_damping_n_s_m", arm_damping_n_s_m, "0 to 10000");
+  require_of_plant(between(grip_stiffness_n_m, 0, 1e6), "grip_stiffness_n_m", grip_stiffness_n_m,
+                   "0 to 1000000");
+  require_of_plant(between(grip_damping_n_s_m, 0, 1e4), "grip_damping_n_s_m", grip_damping_n_s_m,
+                   "0 to 10000");
   for (int axis = 0; axis < 3; ++axis) {
-    require(between(workspace_half_m[axis], 1e-3, 10), "workspace_half_m", workspace_half_m[axis],
-            "0.001 to 10");
+    require_of_plant(between(workspace_half_m[axis], 1e-3, 10), "workspace_half_m", workspace_half_m[axis],
+                     "0.001 to 10");
   }
 }
 

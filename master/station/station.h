@@ -183,45 +183,60 @@ class Station {
   const control::EnergyObserver& observer() const noexcept { return observer_; }
 
  private:
-  control::Method usable(control::Method wanted) const noexcept;
-  Vec3 session_start_w_nm(const link::Welcome& welcome) const noexcept;
   bool logs_steps() const noexcept { return (features_ & link::kFeatureStepLog) != 0; }
-  void leave_twins_scale() noexcept;
-  void fade_to_new_scale(double dt_s, StationTrace& trace) noexcept;
+  bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
   bool shows_twin() const noexcept {
     return twin_ && twin_->on() && methods_.method() == control::Method::kTwin;
   }
   /// Of a shared tip, while its state is not here yet: what the twin would show is not known.
   bool twin_waits() const noexcept { return shows_twin() && twin_->waits(); }
-  double hold_s() const noexcept;
-  double zero_s() const noexcept;
-  std::uint32_t command_flags(const StationInput& input) const noexcept;
-  double step_s(std::int64_t now_ns, double dt_s) noexcept;
-  void step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept;
-  double given_aj() const noexcept;
-  double well_j() const noexcept;
+  control::MethodConfig method_config() const noexcept;
+
+  // A session begins (station_session.cpp).
+  control::Method usable(control::Method wanted) const noexcept;
+  Vec3 session_start_w_nm(const link::Welcome& welcome) const noexcept;
+
+  // The interval that has ended (station_measurement.cpp).
+  void watch(const StationInput& input, double dt_s) noexcept;
+
+  // The newest reply (station_replies.cpp),
+  void accept_reply(const StationInput& input) noexcept;
+  void on_tip_share(const link::TipShare& tip) noexcept;
+  void on_tip_up() noexcept;
+  void watch_age(const StationInput& input) noexcept;
+  // and its energies (station_energy.cpp).
   struct SampleCredit {
     double well_j = 0;
     double given_j = 0;
   };
-  SampleCredit sample_credit() noexcept;
-  bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
-  void accept_reply(const StationInput& input) noexcept;
-  void watch_age(const StationInput& input) noexcept;
-  void hear_who_holds(const link::TipShare& tip) noexcept;
   link::ReceivedSums::News account_for_slave() noexcept;
-  void tell_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept;
-  void hear_whether_tip_is_up() noexcept;
-  void stand_at_tip(const Vec3& tip_pos_w_nm) noexcept;
-  void begin_anew() noexcept;
-  void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
-  control::MethodConfig method_config() const noexcept;
-  void tell_slave(link::Command& command) const noexcept;
-  void follow_a_retracted_tip() noexcept;
-  void watch(const StationInput& input, double dt_s) noexcept;
+  void update_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept;
+  SampleCredit sample_credit() noexcept;
+  double given_aj() const noexcept;
+  double well_j() const noexcept;
+
+  // Mode and ramp (station_mode.cpp).
   void choose_mode(const StationInput& input, double dt_s) noexcept;
   void update_ramp(const StationInput& input, double dt_s) noexcept;
+  double hold_s() const noexcept;
+  double zero_s() const noexcept;
+  void stand_at_tip(const Vec3& tip_pos_w_nm) noexcept;
+  void begin_anew() noexcept;
+  void follow_a_retracted_tip() noexcept;
+
+  // The slave's step, where steps are logged (station_step_log.cpp).
+  double step_s(std::int64_t now_ns, double dt_s) noexcept;
+  void step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept;
+
+  // The force (station_force.cpp).
+  void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
+  void leave_twins_scale() noexcept;
+  void fade_to_new_scale(double dt_s, StationTrace& trace) noexcept;
   Vec3 limited_force(double dt_s, StationTrace& trace) noexcept;
+
+  // Command and trace (station_output.cpp).
+  std::uint32_t command_flags(const StationInput& input) const noexcept;
+  void fill_port_control(link::Command& command) const noexcept;
   void fill(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
   StationConfig config_;

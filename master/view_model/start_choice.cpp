@@ -22,15 +22,24 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
+/// A value that begins with a hyphen would be read as a flag: it goes into the flag's own word.
+void add(const std::string& flag, const std::string& value, std::vector<std::string>& arguments) {
+  if (value.empty()) return;
+  if (value.front() == '-') {
+    arguments.push_back(flag + "=" + value);
+  } else {
+    arguments.insert(arguments.end(), {flag, value});
+  }
+}
+
 void add_server_scene(const StartChoice& choice, std::vector<std::string>& arguments) {
-  if (!choice.server_scene.empty())
-    arguments.insert(arguments.end(), {"--server-scene", choice.server_scene});
+  add("--server-scene", choice.server_scene, arguments);
 }
 
 void add_keys(const StartChoice& choice, std::vector<std::string>& arguments) {
-  if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
-  if (!choice.identity.empty()) arguments.insert(arguments.end(), {"--identity", choice.identity});
-  if (!choice.server_key.empty()) arguments.insert(arguments.end(), {"--server-key", choice.server_key});
+  add("--key", choice.key, arguments);
+  add("--identity", choice.identity, arguments);
+  add("--server-key", choice.server_key, arguments);
 }
 
 }  // namespace
@@ -43,7 +52,7 @@ std::vector<std::string> run_arguments(const StartChoice& choice) {
   if (choice.guide) arguments.emplace_back("--guide");
   if (choice.text_size != 1)
     arguments.insert(arguments.end(), {"--text-size", fmt::format("{:g}", choice.text_size)});
-  if (choice.record) arguments.insert(arguments.end(), {"--record", choice.recording});
+  if (choice.record) add("--record", choice.recording, arguments);
   return arguments;
 }
 
@@ -58,18 +67,6 @@ std::string shell_line(const std::string& program, const std::vector<std::string
   std::string line = quoted(program);
   for (const std::string& argument : arguments) line += " " + quoted(argument);
   return line;
-}
-
-std::string choice_fault(const StartChoice& choice) {
-  if (choice.server.empty()) return "Name a server: HOST:PORT of a telenano-nve serve";
-  if (choice.server.find(':') == std::string::npos) return "The server needs its port: HOST:PORT";
-  if (choice.identity.empty() != choice.server_key.empty())
-    return choice.identity.empty() ? "Name this station's own key pair too, or clear the server's key"
-                                   : "Name the server's key too: telenano-nve keys identity prints it";
-  if (!choice.identity.empty() && !choice.key.empty())
-    return "A key file or a key pair of its own: clear one";
-  if (choice.record && choice.recording.empty()) return "Name the recording's file, or switch it off";
-  return "";
 }
 
 }  // namespace telenano::view_model

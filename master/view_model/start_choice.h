@@ -29,7 +29,4 @@ std::vector<std::string> plan_arguments(const StartChoice& choice);
 /// A command line that a shell reads as these words.
 std::string shell_line(const std::string& program, const std::vector<std::string>& arguments);
 
-/// Why it cannot be started, and what to do; empty: it can.
-std::string choice_fault(const StartChoice& choice);
-
 }  // namespace telenano::view_model

@@ -180,7 +180,7 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
   ImGui::PopFont();
 }
 
-void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
+void ControlPanel::draw_messages(const Gui& gui, const recording::Sample& now, float lines) {
   view_model::SessionInputs inputs{now};
   inputs.give_up_s = facts_.give_up_s;
   inputs.played = playback_ != nullptr;
@@ -194,18 +194,31 @@ void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
     messages.insert(messages.begin() + (view_model::silent_s(now) > 0 ? 1 : 0),
                     {view_model::reach_text(reach_nm_, mouse_leads()), Mood::kWarning});
   if (ended_) messages = {{"The session has ended: this is its last moment", Mood::kAlarm}};
-  // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
-  ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
   if (messages.empty() && !facts_.shows_force)
     messages.push_back({"This hand has no motors: see the force at the tip", Mood::kCalm});
   if (messages.empty() && playback_ == nullptr)
     messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
+  // Always the same height, so that nothing under it jumps. What is too long for it has small words, and what does not fit
+  // all the same can be scrolled to.
+  const float high = lines * ImGui::GetTextLineHeightWithSpacing();
+  const float wide = ImGui::GetContentRegionAvail().x;
+  float needed = -ImGui::GetStyle().ItemSpacing.y;
+  for (const auto& message : messages)
+    needed +=
+        ImGui::CalcTextSize(message.text.c_str(), nullptr, false, wide).y + ImGui::GetStyle().ItemSpacing.y;
+  // Half of the space under it is for what hangs below the last line.
+  const float spacing = ImGui::GetStyle().ItemSpacing.y;
+  const float next_y = ImGui::GetCursorPosY() + high + spacing;
+  ImGui::BeginChild("messages", {0, high + 0.5f * spacing});
+  ImGui::PushFont(needed > high ? gui.small() : gui.text());
   for (const auto& message : messages) {
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
     ImGui::TextWrapped("%s", message.text.c_str());
     ImGui::PopStyleColor();
   }
+  ImGui::PopFont();
   ImGui::EndChild();
+  ImGui::SetCursorPosY(next_y);
 }
 
 void ControlPanel::draw_task(const recording::Sample& now) {
@@ -479,6 +492,7 @@ void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live
     ImGui::TextColored(vec4(recording.failed ? palette::kAlarm : palette::kText), "%s",
                        recording.failed ? "recording has failed"
                                         : fmt::format("recording: {} rows", recording.rows).c_str());
+    if (recording.failed && !recording.failure.empty()) ImGui::TextWrapped("%s", recording.failure.c_str());
   } else if (facts_.can_record && !ended_) {
     if (ImGui::Button("Record  (Ctrl+R)", {-1, 0})) want_recording();
   } else {
@@ -505,18 +519,18 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   // STOP and the messages stay in sight; what is under them scrolls where the window is low.
   const recording::Sample& now = live.now();
   const float s = gui.scale();
-  const float high =
-      static_cast<float>(area.height_px) - (practice_ ? 60 * s : 0) - (facts_.scenes.empty() ? 0 : 28 * s);
+  const float high = static_cast<float>(area.height_px) - (practice_ ? 60 * s : 0) -
+                     (facts_.scenes.empty() ? 0 : 28 * s) - (facts_.can_undo ? 28 * s : 0);
   const bool low = high < 720 * s;
   if (playback_ != nullptr) {
     draw_playback(gui, *playback_);
-    draw_messages(now, low ? 2.3f : 3.3f);
+    draw_messages(gui, now, low ? 2.3f : 3.3f);
     ImGui::BeginChild("rest");
     ImGui::Separator();
     draw_played(gui, now);
   } else {
     draw_stop(gui, now, (low ? 40 : 54) * s);
-    draw_messages(now, low ? 2.3f : 3.3f);
+    draw_messages(gui, now, low ? 2.3f : 3.3f);
     ImGui::BeginChild("rest");
     ImGui::Checkbox("Clutch: the tip stands (C)", &clutch_);
     ImGui::Separator();

@@ -72,7 +72,7 @@ class ControlPanel {
 
  private:
   void draw_stop(const Gui& gui, const recording::Sample& now, float high);
-  void draw_messages(const recording::Sample& now, float lines);
+  void draw_messages(const Gui& gui, const recording::Sample& now, float lines);
   void draw_played(const Gui& gui, const recording::Sample& now);
   void draw_task(const recording::Sample& now);
   void draw_method(const recording::Sample& now);

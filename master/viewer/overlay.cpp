@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -79,13 +80,18 @@ class Pen {
   float bottom() const { return static_cast<float>(area_.y_px + area_.height_px); }
   float s() const { return gui_.scale(); }
 
-  /// `anchor`: which part of the text stands there, 0 … 1 from left and top. False: other words stand there,
-  /// and nothing is written.
+  /// `anchor`: which part of the text stands there, 0 … 1 from left and top. At an edge of the picture it moves in, by half of
+  /// itself at most: what is farther out belongs to nothing that is in sight. False: other words stand there, or it would be
+  /// cut, and nothing is written.
   bool text(ImVec2 where, const std::string& words, const palette::Rgb& colour, ImVec2 anchor = {0, 0},
             const ImFont* font = nullptr) const {
     if (font == nullptr) font = gui_.small();
     const ImVec2 size = text_size(font, words.c_str());
-    const ImVec2 p{where.x - anchor.x * size.x, where.y - anchor.y * size.y};
+    const ImVec2 wanted{where.x - anchor.x * size.x, where.y - anchor.y * size.y};
+    const float margin = 2 * s();
+    const ImVec2 p{std::max(std::min(wanted.x, right() - margin - size.x), left() + margin),
+                   std::max(std::min(wanted.y, bottom() - margin - size.y), top() + margin)};
+    if (std::abs(p.x - wanted.x) > 0.5f * size.x || std::abs(p.y - wanted.y) > 0.5f * size.y) return false;
     if (!gui_.words().take_if_free(p, {p.x + size.x, p.y + size.y})) return false;
     write(p, words, colour, font);
     return true;
@@ -190,7 +196,6 @@ void draw_axes(const Pen& pen, const SceneState& state, const Camera& camera) {
   }
 }
 
-// A bar that lies on the ground along its front edge, so that perspective shortens both alike.
 /// Where the tip can be led no further: a line, hatched outside of it.
 void draw_walls(const Pen& pen, const SceneState& state) {
   const float s = pen.s();
@@ -219,21 +224,66 @@ void draw_walls(const Pen& pen, const SceneState& state) {
   wall(tip.x(), state.wall_max_w_nm.z(), 0, -1);
 }
 
-void draw_ground_bar(const Pen& pen, const SceneState& state, const Camera& camera) {
+struct BesideBar {
+  ImVec2 where;
+  ImVec2 anchor;
+};
+
+/// Where words of this size stand clear of a bar from a to b: above its middle, or to the right of a steep one. Along
+/// half the words the bar comes nearer by its slope.
+BesideBar beside_bar(ImVec2 a, ImVec2 b, ImVec2 size, float clear) {
+  const ImVec2 middle{0.5f * (a.x + b.x), 0.5f * (a.y + b.y)};
+  const float dx = std::abs(b.x - a.x);
+  const float dy = std::abs(b.y - a.y);
+  if (dx >= dy) {
+    const float rise = dx > 0 ? dy / dx * 0.5f * std::min(size.x, dx) : 0;
+    return {{middle.x, middle.y - rise - clear}, {0.5f, 1}};
+  }
+  const float reach = dx / dy * 0.5f * std::min(size.y, dy);
+  return {{middle.x + reach + clear, middle.y}, {0, 0.5f}};
+}
+
+/// The boxes that a bar from a to b lies in, piece by piece: the one box round a slanted bar would be mostly empty.
+std::array<std::pair<ImVec2, ImVec2>, 16> pieces_of_bar(ImVec2 a, ImVec2 b, float half_wide) {
+  std::array<std::pair<ImVec2, ImVec2>, 16> pieces;
+  const auto at = [&](std::size_t k) {
+    const float part = static_cast<float>(k) / static_cast<float>(pieces.size());
+    return ImVec2{a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)};
+  };
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const ImVec2 from = at(i);
+    const ImVec2 to = at(i + 1);
+    pieces[i] = {{std::min(from.x, to.x) - half_wide, std::min(from.y, to.y) - half_wide},
+                 {std::max(from.x, to.x) + half_wide, std::max(from.y, to.y) + half_wide}};
+  }
+  return pieces;
+}
+
+// A bar that lies on the ground along its front edge, so that perspective shortens both alike: at one end of the edge, or at
+// the other where words stand in its way.
+void draw_ground_bar(const Gui& gui, const Pen& pen, const SceneState& state, const Camera& camera) {
   const auto& ground = state.ground;
   const double length = view_model::nice_step(0.25 * ground.width_nm());
+  const std::string words = view_model::length_text(length);
+  const ImVec2 size = text_size(gui.small(), words.c_str());
   const double y = camera.direction().y() < 0 ? ground.min_w_nm().y() + 0.05 * ground.depth_nm()
                                               : ground.max_w_nm().y() - 0.05 * ground.depth_nm();
-  const double x = ground.min_w_nm().x() + 0.05 * ground.width_nm();
-  const auto place = [&](double at) { return Vec3(at, y, ground.height_w_nm(at, y)); };
-  const ImVec2 a = pen.at(place(x));
-  const ImVec2 b = pen.at(place(x + length));
-  // A bar whose length is not written says nothing.
-  if (!pen.text({0.5f * (a.x + b.x), 0.5f * (a.y + b.y) - 5 * pen.s()}, view_model::length_text(length),
-                palette::kText, {0.5f, 1}))
+  const auto place = [&](double at) { return pen.at({at, y, ground.height_w_nm(at, y)}); };
+  const double inset = 0.05 * ground.width_nm();
+  for (const double x : {ground.min_w_nm().x() + inset, ground.max_w_nm().x() - inset - length}) {
+    const ImVec2 a = place(x);
+    const ImVec2 b = place(x + length);
+    const auto pieces = pieces_of_bar(a, b, 3 * pen.s());
+    const auto is_free = [&](const auto& piece) { return gui.words().is_free(piece.first, piece.second); };
+    if (!std::all_of(pieces.begin(), pieces.end(), is_free)) continue;
+    // A bar whose length is not written says nothing.
+    const BesideBar beside = beside_bar(a, b, size, 4 * pen.s());
+    if (!pen.text(beside.where, words, palette::kText, beside.anchor)) continue;
+    pen.line(a, b, palette::kBackground, 5, 0.7f);
+    pen.line(a, b, palette::kText, 3);
+    for (const auto& [from, to] : pieces) gui.words().take(from, to);
     return;
-  pen.line(a, b, palette::kBackground, 5, 0.7f);
-  pen.line(a, b, palette::kText, 3);
+  }
 }
 
 void draw_height_legend(const Gui& gui, const Pen& pen, const SceneState& state, double exaggeration) {
@@ -323,7 +373,7 @@ void draw_overview_text(const Gui& gui, const ViewFacts& facts, const SceneState
     pen.block({{view_model::particle_text(state.particle.status), palette::kParticle, gui.small()}},
               {{foot.x - 40 * s, foot.y + 6 * s}, {foot.x - 40 * s, foot.y + 24 * s}});
   }
-  draw_ground_bar(pen, state, camera);
+  draw_ground_bar(gui, pen, state, camera);
   draw_axes(pen, state, camera);
 }
 

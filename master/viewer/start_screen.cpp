@@ -1,30 +1,28 @@
 #include "telenano/master/viewer/start_screen.h"
 
 #include <backends/imgui_impl_opengl3.h>
+#include <imgui_stdlib.h>
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 
 #include "telenano/master/viewer/gl.h"
+#include "telenano/master/viewer/layout.h"
 
 namespace telenano::viewer {
 namespace {
 
 constexpr std::array<const char*, 9> kMethods = {"auto", "twin", "tank",     "model", "tdpa",
                                                  "wave", "ks",   "ks-clamp", "none"};
-constexpr double kLeastWidth = 640;
-constexpr double kLeastHeight = 480;
 constexpr float kMostWide = 900;
 
-// ImGui edits characters, not strings.
+// Of the command line in the foot and of a server's words: a few lines, so that what begins a session stays in sight.
+constexpr std::size_t kTold = 280;
+
+// However long: what was typed is nowhere cut but on the screen.
 bool edit(const char* id, const char* hint, std::string& text, bool enter = false) {
-  std::array<char, 512> buffer{};
-  std::strncpy(buffer.data(), text.c_str(), buffer.size() - 1);
   const int flags = enter ? ImGuiInputTextFlags_EnterReturnsTrue : ImGuiInputTextFlags_None;
-  const bool done = ImGui::InputTextWithHint(id, hint, buffer.data(), buffer.size(), flags);
-  text = buffer.data();
-  return done;
+  return ImGui::InputTextWithHint(id, hint, &text, flags);
 }
 
 void quiet(const char* text) {
@@ -53,22 +51,33 @@ float StartScreen::label(const char* text) const {
   return wide;
 }
 
+/// Under its field, where what it says begins.
+void StartScreen::tell_fault(const std::string& fault) const {
+  if (fault.empty()) return;
+  ImGui::SetCursorPosX(110 * gui_.scale());
+  ImGui::PushFont(gui_.small());
+  coloured(palette::kWarning, fault);
+  ImGui::PopFont();
+}
+
 StartScreen::Wish StartScreen::draw_keys(view_model::StartChoice& choice) {
   Wish wish = Wish::kNone;
-  const auto field = [&](const char* name, const char* id, const char* hint, std::string& text) {
+  const auto field = [&](const char* name, const char* id, const char* hint, std::string& text,
+                         const std::string& fault) {
     label(name);
     ImGui::SetNextItemWidth(-1);
     if (edit(id, hint, text, true)) wish = Wish::kLook;
+    tell_fault(fault);
   };
   const bool pair = !choice.identity.empty() || !choice.server_key.empty();
   // The one that is not used stays in sight only where both were named: that is a fault to be cleared.
   if (!pair || !choice.key.empty())
-    field("Key file", "##key", "none: in the clear, for this machine alone", choice.key);
+    field("Key file", "##key", "none: in the clear, for this machine alone", choice.key, faults_.key);
   field("Identity", "##identity", "none: file of a key pair that telenano-master enroll made",
-        choice.identity);
+        choice.identity, faults_.identity);
   if (pair)
     field("Server's key", "##server_key", "sha256:…, as the server's keys identity prints it",
-          choice.server_key);
+          choice.server_key, faults_.server_key);
   return wish;
 }
 
@@ -82,13 +91,17 @@ StartScreen::Wish StartScreen::draw_scenes(const StartFacts& facts, view_model::
   label("Sample");
   ImGui::SetNextItemWidth(-1);
   const std::string shown = choice.server_scene.empty() && known ? facts.scenes.front() : choice.server_scene;
-  if (!ImGui::BeginCombo("##scene", shown.c_str())) return wish;
-  for (const std::string& scene : facts.scenes) {
-    if (!known || !ImGui::Selectable(scene.c_str(), scene == shown) || scene == shown) continue;
-    choice.server_scene = scene == facts.scenes.front() ? "" : scene;
-    wish = Wish::kLook;
+  if (ImGui::BeginCombo("##scene", shown.c_str())) {
+    // A name that was given when the program began, and that no server has confirmed, can be left.
+    if (!known && ImGui::Selectable("the server's first")) choice.server_scene.clear(), wish = Wish::kLook;
+    for (const std::string& scene : facts.scenes) {
+      if (!known || !ImGui::Selectable(scene.c_str(), scene == shown) || scene == shown) continue;
+      choice.server_scene = scene == facts.scenes.front() ? "" : scene;
+      wish = Wish::kLook;
+    }
+    ImGui::EndCombo();
   }
-  ImGui::EndCombo();
+  tell_fault(faults_.server_scene);
   return wish;
 }
 
@@ -115,6 +128,7 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
   if (edit("##server", "HOST:PORT", choice.server, true)) wish = Wish::kLook;
   ImGui::SameLine();
   if (ImGui::Button("Ask", {-1, 0})) wish = Wish::kLook;
+  tell_fault(faults_.server);
   if (!facts.seen.empty()) {
     label("Seen lately");
     ImGui::BeginGroup();
@@ -125,7 +139,12 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
                                (seen.identity.empty() ? "" : "   identity " + seen.identity);
       const bool chosen = seen.server == choice.server && seen.key == choice.key &&
                           seen.identity == choice.identity && seen.server_key == choice.server_key;
-      if (ImGui::Selectable(text.c_str(), chosen)) {
+      // The words apart: what stands behind "##" in them would be taken for a name that is not shown.
+      const ImVec2 at = ImGui::GetCursorPos();
+      const bool wanted = ImGui::Selectable("##seen", chosen);
+      ImGui::SetCursorPos(at);
+      ImGui::TextUnformatted(view_model::shown_text(text, kTold).c_str());
+      if (wanted) {
         choice.server = seen.server;
         choice.key = seen.key;
         choice.identity = seen.identity;
@@ -154,6 +173,11 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
   quiet(choice.method == "auto" ? "chosen by the link to the server" : "as you choose");
   label("First touch");
   ImGui::Checkbox("lead me to it in five steps", &choice.guide);
+  draw_recording(choice);
+  return wish;
+}
+
+void StartScreen::draw_recording(view_model::StartChoice& choice) {
   label("Recording");
   ImGui::Checkbox("##record", &choice.record);
   ImGui::SameLine();
@@ -163,7 +187,7 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
   } else {
     quiet("off");
   }
-  return wish;
+  tell_fault(faults_.recording);
 }
 
 void StartScreen::draw_plan(const StartFacts& facts, const view_model::StartChoice& choice) {
@@ -172,7 +196,7 @@ void StartScreen::draw_plan(const StartFacts& facts, const view_model::StartChoi
   if (facts.looking) {
     coloured(palette::kWarning, "Asking the server …");
   } else if (!facts.trouble.empty()) {
-    coloured(palette::kAlarm, facts.trouble);
+    coloured(palette::kAlarm, view_model::shown_text(facts.trouble, kTold));
   } else if (facts.plan) {
     const auto hand = std::find_if(facts.hands.begin(), facts.hands.end(),
                                    [&](const OfferedHand& one) { return one.device == choice.device; });
@@ -209,16 +233,19 @@ void StartScreen::draw_end(const StartFacts& facts) {
 StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_model::StartChoice& choice) {
   Wish wish = Wish::kNone;
   const float s = gui_.scale();
-  const std::string fault = view_model::choice_fault(choice);
+  // As the fields are now: a letter of this very frame counts.
+  view_model::StartFaults faults = view_model::start_faults(choice);
+  faults.add(facts.faults);
+  const std::string field = faults.first_field();
   ImGui::PushFont(gui_.small());
   quiet("The same by command line:");
-  ImGui::TextWrapped("%s", facts.command_line.c_str());
+  ImGui::TextWrapped("%s", view_model::shown_text(facts.command_line, kTold).c_str());
   ImGui::PopFont();
-  if (!fault.empty()) coloured(palette::kWarning, fault);
+  if (!field.empty()) coloured(palette::kWarning, "Correct this field first: " + field);
   ImGui::PushFont(gui_.large());
-  ImGui::PushStyleColor(ImGuiCol_Button, vec4(fault.empty() ? palette::kGood : palette::kRaised));
-  ImGui::PushStyleColor(ImGuiCol_Text, vec4(fault.empty() ? palette::kBackground : palette::kQuiet));
-  ImGui::PushStyleColor(ImGuiCol_ButtonHovered, vec4(fault.empty() ? palette::kGood : palette::kRaised));
+  ImGui::PushStyleColor(ImGuiCol_Button, vec4(field.empty() ? palette::kGood : palette::kRaised));
+  ImGui::PushStyleColor(ImGuiCol_Text, vec4(field.empty() ? palette::kBackground : palette::kQuiet));
+  ImGui::PushStyleColor(ImGuiCol_ButtonHovered, vec4(field.empty() ? palette::kGood : palette::kRaised));
   if (first_) ImGui::SetKeyboardFocusHere();
   const bool pressed =
       ImGui::Button(facts.last_text.empty() ? "Start  (Enter)" : "Again  (Enter)", {200 * s, 40 * s});
@@ -226,7 +253,7 @@ StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_mod
   const bool enter = !ImGui::GetIO().WantTextInput &&
                      !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&
                      ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter), false);
-  if ((pressed || enter) && fault.empty()) wish = Wish::kStart;
+  if ((pressed || enter) && field.empty()) wish = Wish::kStart;
   ImGui::PopStyleColor(3);
   ImGui::PopFont();
   ImGui::SameLine();
@@ -239,8 +266,8 @@ StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_mod
 StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFacts& facts,
                                     view_model::StartChoice& choice) {
   // As large as asked for, as far as the window has room.
-  const double room = std::max(
-      1.0, std::min(width_px / (kLeastWidth * screen_scale_), height_px / (kLeastHeight * screen_scale_)));
+  const double room = std::max(1.0, std::min(width_px / (kLeastWidth_px * screen_scale_),
+                                             height_px / (kLeastHeight_px * screen_scale_)));
   gui_.set_scale(screen_scale_ * static_cast<float>(std::min(choice.text_size, room)));
   ImGui_ImplOpenGL3_NewFrame();
   const ImVec2 whole{static_cast<float>(width_px), static_cast<float>(height_px)};
@@ -264,6 +291,8 @@ StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFact
   ImGui::Separator();
   // What does not fit scrolls; what begins a session stays in sight.
   ImGui::BeginChild("choices", {0, -foot_px_}, false, ImGuiWindowFlags_NavFlattened);
+  faults_ = view_model::start_faults(choice);
+  faults_.add(facts.faults);
   draw_end(facts);
   Wish wish = draw_choices(facts, choice);
   ImGui::Separator();

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "telenano/master/view_model/start_choice.h"
+#include "telenano/master/view_model/start_faults.h"
 #include "telenano/master/view_model/start_plan.h"
 #include "telenano/master/viewer/gui.h"
 
@@ -35,6 +36,7 @@ struct StartFacts {
   std::string scenes_of;            ///< that server
   std::optional<view_model::StartPlan> plan;
   std::string trouble;                 ///< why there is no plan; empty: not asked, or there is one
+  view_model::StartFaults faults;      ///< of the fields, as far as files and the server's answer show them
   std::vector<std::string> last_text;  ///< of the session before; empty: there was none
   bool last_failed = false;
   std::string command_line;  ///< that does the same
@@ -59,11 +61,14 @@ class StartScreen {
   void draw_end(const StartFacts& facts);
   Wish draw_foot(const StartFacts& facts, const view_model::StartChoice& choice);
   Wish draw_keys(view_model::StartChoice& choice);
+  void draw_recording(view_model::StartChoice& choice);
+  void tell_fault(const std::string& fault) const;
   float label(const char* text) const;
 
   float screen_scale_;
   Gui gui_;
-  float foot_px_ = 110;  // as high as it was in the frame before
+  view_model::StartFaults faults_;  // of this frame
+  float foot_px_ = 110;             // as high as it was in the frame before
   bool first_ = true;
 };
 

@@ -13,7 +13,8 @@ namespace telenano::viewer {
 namespace {
 
 // Nothing moves here but a cursor.
-constexpr auto kFrame = std::chrono::milliseconds(33);
+constexpr auto kStartFrame = std::chrono::milliseconds(33);
+constexpr std::size_t kTitled = 60;  // characters of the server in the title
 
 }  // namespace
 
@@ -48,9 +49,14 @@ bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const 
       }
     }
     window.show_frame();
+    view_model::StartFaults faults = view_model::start_faults(choice);
+    faults.add(facts.faults);
     window.tell(fmt::format("start, {}{} at {}{}", choice.device, choice.record ? ", recording" : "",
-                            choice.server, facts.plan ? ", answered" : ""));
-    std::this_thread::sleep_until(began + kFrame);
+                            view_model::shown_text(choice.server, kTitled),
+                            !faults.first().empty() ? ", " + faults.first_field() + ": " + faults.first()
+                            : facts.plan            ? ", answered"
+                                                    : ""));
+    std::this_thread::sleep_until(began + kStartFrame);
   }
   return false;
 }

@@ -58,6 +58,7 @@ struct ViewFacts {
 struct RecordingStatus {
   std::uint64_t rows = 0;
   bool failed = false;
+  std::string failure{};  ///< why, where it has
 };
 
 }  // namespace telenano::viewer

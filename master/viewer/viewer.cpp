@@ -19,11 +19,8 @@ namespace {
 
 using view_model::ViewRequest;
 
-constexpr double kTrailStep_nm = 0.25;
 constexpr double kTextLeast = 0.75;
 constexpr double kTextMost = 2.5;
-constexpr double kLeastWidth = 640;
-constexpr double kLeastHeight = 480;
 
 ChartBox box_of(const Area& area) {
   return {{static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
@@ -131,8 +128,8 @@ void Viewer::set_text_size(double times) noexcept {
 
 // The layout has room for words of the screen's own size in 640 × 480 of its points.
 void Viewer::fit_text(int width_px, int height_px) {
-  const double room = std::max(
-      1.0, std::min(width_px / (kLeastWidth * screen_scale_), height_px / (kLeastHeight * screen_scale_)));
+  const double room = std::max(1.0, std::min(width_px / (kLeastWidth_px * screen_scale_),
+                                             height_px / (kLeastHeight_px * screen_scale_)));
   gui_.set_scale(screen_scale_ * static_cast<float>(std::min(text_size_, room)));
 }
 
@@ -198,6 +195,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::GetIO().DisplaySize = {static_cast<float>(width_px), static_cast<float>(height_px)};
   ImGui::NewFrame();
+  watch_recording(recording, time_s);
   handle_keys(time_s);
   if (playback_ != nullptr) take_played(time_s);
   follow_tip(time_s - std::exchange(followed_s_, time_s));
@@ -212,6 +210,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
   draw_banner(gui_, facts_, live_, layout.overview, !ending_.lines.empty(), port_.twin.load(),
               panel_.practice_text());
+  place_text(time_s, layout.overview);
   draw_guide(layout);
   if (views_ != Views::kCloseUp) {
     const SceneState now = state(true);
@@ -248,7 +247,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   draw_note(time_s);
   // After a note that was ended in this very frame.
   if (std::exchange(leaves_, false)) panel_.quit();
-  draw_text(time_s, layout.overview);
+  draw_text();
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());

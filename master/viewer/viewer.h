@@ -81,7 +81,7 @@ class Viewer {
   bool force_curve_shown() const noexcept { return force_curve_shown_; }
   /// Lets what follows the tip come to rest, as so many frames would.
   void settle(int frames);
-  /// Shown for two seconds.
+  /// Shown for two seconds, and for longer where it takes longer to read.
   void say(const std::string& text, double time_s);
   void show(Views views) noexcept { views_ = views; }
   /// A person writes a note: letters are no commands.
@@ -98,6 +98,7 @@ class Viewer {
 
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
+  static constexpr double kTrailStep_nm = 0.25;
 
   void fit_text(int width_px, int height_px);
   void handle_text_keys(double time_s);
@@ -122,7 +123,9 @@ class Viewer {
   bool hand_leads_in_box() const noexcept;
   double border_nm() const noexcept;
   bool measure_at_pointer(const Layout& layout);
-  void draw_text(double time_s, const Area& area);
+  void place_text(double time_s, const Area& area);
+  void draw_text() const;
+  void watch_recording(const RecordingStatus& recording, double time_s);
   /// Of the section, or of the overview, whose ground is the region's.
   SceneState state(bool overview) const;
   const view_model::Ground& overview_ground() const noexcept { return part_ ? *part_ : ground_; }
@@ -172,6 +175,9 @@ class Viewer {
   double followed_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
+  std::optional<ImVec2> said_at_;  // in this frame
+  float said_wide_ = 0;            // where its lines are broken
+  bool recording_failed_ = false;
   std::string waiting_;            // for this; empty: the session is there
   view_model::SessionEnd ending_;  // no lines: the session goes on
 };

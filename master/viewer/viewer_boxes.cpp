@@ -5,18 +5,13 @@
 #include <cmath>
 #include <utility>
 
+#include "telenano/master/view_model/start_faults.h"
 #include "telenano/master/view_model/status_text.h"
 #include "telenano/master/viewer/guide_box.h"
 #include "telenano/master/viewer/overlay.h"
 #include "telenano/master/viewer/profile_chart.h"
 
 namespace telenano::viewer {
-namespace {
-
-constexpr double kTrailStep_nm = 0.25;
-
-}  // namespace
-
 void Viewer::draw_guide(const Layout& layout) {
   if (!guide_ || playback_ != nullptr || !ending_.lines.empty()) return;
   using Hand = view_model::FirstTouch::Hand;
@@ -117,8 +112,16 @@ void Viewer::draw_help() {
 }
 
 void Viewer::say(const std::string& text, double time_s) {
-  said_ = text;
-  said_until_s_ = time_s + 2;
+  constexpr std::size_t kMost = 400;  // letters: a line about a path of 4095 bytes is no picture
+  constexpr double kLettersPerS = 20;
+  said_ = view_model::shown_text(text, kMost);
+  said_until_s_ = time_s + 2 + std::max(static_cast<double>(said_.size()) - 40, 0.0) / kLettersPerS;
+}
+
+void Viewer::watch_recording(const RecordingStatus& recording, double time_s) {
+  if (recording.failed && !recording_failed_)
+    say("The recording has failed, and the session goes on: " + recording.failure, time_s);
+  recording_failed_ = recording.failed;
 }
 
 void Viewer::end(view_model::SessionEnd end) {
@@ -193,18 +196,39 @@ void Viewer::draw_end() {
 void Viewer::draw_note(double time_s) {
   const auto note = note_box_.draw(gui_);
   if (!note) return;
-  say(port_.notes.push(*note) ? "Note put into the recording" : "The note could not be taken: try again",
+  const bool taken = port_.notes.push(*note);
+  say(recording_failed_ ? "The recording has failed: the note is not kept"
+      : taken           ? "Note put into the recording"
+                        : "The note could not be taken: try again",
       time_s);
 }
 
-void Viewer::draw_text(double time_s, const Area& area) {
-  if (time_s > said_until_s_) return;
-  const ImVec2 size = gui_.text()->CalcTextSizeA(gui_.text()->FontSize, 1e9f, 0, said_.c_str());
-  const ImVec2 p{static_cast<float>(area.x_px) + 12 * gui_.scale(),
-                 static_cast<float>(area.y_px) + 44 * gui_.scale()};
+/// Before the other words are placed, so that they leave it room: under the badges, however many rows they take.
+void Viewer::place_text(double time_s, const Area& area) {
+  said_at_.reset();
+  if (time_s > said_until_s_ || said_.empty()) return;
+  const float s = gui_.scale();
+  const float edge = 5 * s;
+  said_wide_ = std::max(static_cast<float>(area.width_px) - 24 * s, 40 * s);
+  const ImVec2 size = gui_.text()->CalcTextSizeA(gui_.text()->FontSize, 1e9f, said_wide_, said_.c_str());
+  ImVec2 p{static_cast<float>(area.x_px) + 12 * s, static_cast<float>(area.y_px) + 44 * s};
+  const float lowest = static_cast<float>(area.y_px + area.height_px) - size.y - edge;
+  const auto high = [&] { return ImVec2{p.x + size.x + edge, p.y + size.y + edge}; };
+  while (p.y < lowest && !gui_.words().is_free({p.x - edge, p.y - edge}, high())) p.y += 4 * s;
+  gui_.words().take({p.x - edge, p.y - edge}, high());
+  said_at_ = p;
+}
+
+void Viewer::draw_text() const {
+  if (!said_at_) return;
+  const ImVec2 p = *said_at_;
+  const float edge = 5 * gui_.scale();
+  const ImFont* const font = gui_.text();
+  const ImVec2 size = font->CalcTextSizeA(font->FontSize, 1e9f, said_wide_, said_.c_str());
   ImDrawList* const list = ImGui::GetForegroundDrawList();
-  list->AddRectFilled({p.x - 6, p.y - 4}, {p.x + size.x + 6, p.y + size.y + 4}, ink(palette::kRaised), 4);
-  list->AddText(gui_.text(), gui_.text()->FontSize, p, ink(palette::kText), said_.c_str());
+  list->AddRectFilled({p.x - edge, p.y - edge}, {p.x + size.x + edge, p.y + size.y + edge},
+                      ink(palette::kRaised), edge);
+  list->AddText(font, font->FontSize, p, ink(palette::kText), said_.c_str(), nullptr, said_wide_);
 }
 
 }  // namespace telenano::viewer

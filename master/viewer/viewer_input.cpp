@@ -97,6 +97,8 @@ void Viewer::handle_session_keys(double time_s) {
       say("No recording: begin one to put a note into it", time_s);
     } else if (ended) {
       say("The session has ended: its recording is closed", time_s);
+    } else if (recording_failed_) {
+      say("The recording has failed: no note can be put into it", time_s);
     } else {
       note_box_.open(live_.now());
     }
@@ -111,6 +113,7 @@ void Viewer::handle_session_keys(double time_s) {
     panel_.ask(ViewRequest::Kind::kMarker);
     say(facts_.recording.empty() ? "No recording: begin one to put a mark into it"
         : ended                  ? "The session has ended: its recording is closed"
+        : recording_failed_      ? "The recording has failed: no mark can be put into it"
                                  : "Mark put into the recording",
         time_s);
   }

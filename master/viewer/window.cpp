@@ -9,9 +9,9 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -20,6 +20,7 @@
 #include "telenano/common/surface/gsf.h"
 #include "telenano/master/viewer/png.h"
 #include "telenano/master/viewer/viewer.h"
+#include "telenano/master/viewer/whole_file.h"
 #include "telenano/master/viewer/window_keys.h"
 
 namespace telenano::viewer {
@@ -63,18 +64,13 @@ class PressWatch {
   }
 };
 
+/// A folder that may not be looked into has no name to spare: writing says so.
 std::string free_name(const std::string& prefix, const char* ending) {
   for (int i = 1;; ++i) {
     std::string name = fmt::format("{}-{}.{}", prefix, i, ending);
-    if (!std::filesystem::exists(name)) return name;
+    std::error_code error;
+    if (!std::filesystem::exists(name, error)) return name;
   }
-}
-
-void write_text(const std::string& name, const std::string& text) {
-  std::ofstream file(name, std::ios::binary);
-  file << text;
-  file.close();
-  if (!file) throw RunError(fmt::format("{}: cannot be written; check free space and permissions", name));
 }
 
 Picture picture_of_window(int width_px, int height_px) {
@@ -252,7 +248,7 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     if (viewer.take_data_wanted()) {
       const std::string name = free_name(hooks.picture_prefix, "csv");
       try {
-        write_text(name, viewer.data());
+        write_whole_file(name, viewer.data(), "the data");
         viewer.say("Data: " + name, time_s);
       } catch (const std::exception& error) {
         viewer.say(error.what(), time_s);

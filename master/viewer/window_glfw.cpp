@@ -11,14 +11,13 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/rt/background.h"
+#include "telenano/master/viewer/layout.h"
 
 namespace telenano::viewer {
 namespace {
 
 constexpr int kWidth_px = 1280;
 constexpr int kHeight_px = 800;
-constexpr int kLeastWidth_px = 640;
-constexpr int kLeastHeight_px = 480;
 
 std::string& last_error() {
   static std::string text;

@@ -178,7 +178,10 @@ void AfmDriver::send(Role role, std::span<const std::uint8_t> bytes, std::int64_
     sent = streams_[static_cast<std::size_t>(role)].tcp.write(bytes, n) == net::TcpStream::Status::kOk &&
            n == bytes.size();
   }
-  if (sent) return;
+  if (sent) {
+    logic_.sent(role, clock_.now_ns());
+    return;
+  }
   // A request of a hundred bytes that the socket does not take: the other end has long not read.
   close(role, now_ns);
   logic_.lost(role, Loss::kClosed, now_ns);

@@ -155,8 +155,12 @@ bool AfmLogic::send(Role role, const AfmCommand& command, std::int64_t now_ns, A
   Connection& c = at(role);
   c.busy = true;
   c.call = call;
-  c.sent_ns = now_ns;
+  c.sent_ns = c.waits_from_ns = now_ns;
   return true;
+}
+
+void AfmLogic::sent(Role role, std::int64_t now_ns) noexcept {
+  at(role).waits_from_ns = now_ns;
 }
 
 bool AfmLogic::next(Role role, std::int64_t now_ns, AfmCommand& call) {
@@ -445,7 +449,7 @@ void AfmLogic::tick(std::int64_t now_ns, const PortTarget& wish) {
   state_.time_ns = now_ns;
   for (std::size_t i = 0; i < kRoles; ++i) {
     Connection& c = connections_[i];
-    if (!c.busy || now_ns - c.sent_ns <= timeout_ns(c)) continue;
+    if (!c.busy || now_ns - c.waits_from_ns <= timeout_ns(c)) continue;
     lost(static_cast<Role>(i), Loss::kSilent, now_ns);
     connections_[i].close = true;
   }

@@ -54,6 +54,9 @@ class AfmLogic {
   void lost(Role role, Loss loss, std::int64_t now_ns);
   /// The next call of a connection that is idle; its reply is then expected.
   bool next(Role role, std::int64_t now_ns, AfmCommand& call);
+  /// Its bytes are gone, at this time by a clock read since: the reply is waited for from here on. This thread may have been kept
+  /// waiting after next(), and is not to find the controller silent for it.
+  void sent(Role role, std::int64_t now_ns) noexcept;
   void answered(Role role, const AfmReading& reading, std::int64_t now_ns);
   /// True once when a connection must be closed, because its reply did not come: lost() need not be called.
   bool take_close(Role role) noexcept;
@@ -95,8 +98,9 @@ class AfmLogic {
     bool busy = false;
     bool close = false;
     AfmCommand call;
-    std::int64_t sent_ns = 0;
-    std::int64_t next_ns = 0;  // not before
+    std::int64_t sent_ns = 0;        // not after the call: what its reply tells may be as old
+    std::int64_t waits_from_ns = 0;  // not before the call
+    std::int64_t next_ns = 0;        // not before
     bool checked = false;
   };
   Connection& at(Role role) noexcept { return connections_[static_cast<std::size_t>(role)]; }

@@ -21,6 +21,9 @@
 #include "telenano/nve_server/server/opening_budget.h"
 #include "telenano/nve_server/server/port_account.h"
 #include "telenano/nve_server/server/port_control.h"
+#include "telenano/nve_server/server/served_scene.h"
+#include "telenano/nve_server/server/server_config.h"
+#include "telenano/nve_server/server/server_counters.h"
 #include "telenano/nve_server/server/service_times.h"
 #include "telenano/nve_server/server/session_cap.h"
 #include "telenano/nve_server/server/session_port.h"
@@ -31,122 +34,6 @@
 #include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
-
-/// private: every session has a slave of its own, with its own state. one-tip: one slave; one session moves
-/// it (TipHolder says which), the others observe.
-enum class Share : std::uint8_t { kPrivate, kOneTip };
-
-/// A scene's bundle, for stations to fetch.
-struct SceneToFetch {
-  link::SceneOffer offer;
-  std::string bytes;  ///< offer.bytes of them
-};
-
-/// What is served.
-struct ServedScene {
-  link::SceneName name;
-  std::uint64_t hash = 0;
-  /// Called once when the server is made and once for each further session, between its Hello and its
-  /// Welcome: never within an established exchange, but in the same loop; so let slaves share what is costly
-  /// to load.
-  std::function<std::unique_ptr<slave::Slave>()> make_slave;
-  std::uint32_t timeout_ms = 2000;  ///< that the scene asks for; who makes the SessionTableConfig decides
-  bool one_tip_only = false;        ///< there is only one, as with a real instrument: never Share::kPrivate
-  std::shared_ptr<const SceneToFetch> to_fetch;  ///< null: it cannot be fetched,
-  std::string why_no_fetch;                      ///< because of this; empty: there is nothing to say
-  /// What the server's own physics make of the scene (slave::canonical_motion_hash): a session's checkpoint is
-  /// taken up by the same only. 0: there are no checkpoints.
-  std::uint64_t physics = 0;
-};
-
-/// "flakes" → {'f','l',…,0}; cut to what fits.
-link::SceneName scene_name(const std::string& text) noexcept;
-
-struct ServerConfig {
-  link::SipKey secret;  ///< 128 fresh random bits at each start: cookies, session ids, tokens and epochs
-                        ///< follow from it
-  link::SessionTableConfig table;
-  Share share = Share::kPrivate;
-  std::uint64_t feature_bits = link::kKnownFeatures;  ///< granted to a station that asks for them
-  double challenges_per_s = 20000;
-  double openings_per_s = 64;
-  /// Of the loop's time, for making the slaves of new sessions; where there is a clock.
-  double openings_share = 0.25;
-  double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
-  double step_gap_s = 2;  ///< a step may be missing in a log; then it is left out, and the log says so
-  /// Of a slave's state, for its station: what is larger cannot be had. With marks a state has 20 bytes for each
-  /// node that they have changed; each session that logs its steps has room for one.
-  std::size_t snapshot_bytes_most = std::size_t{16} << 20;
-  std::size_t steps_at_once = 64;  ///< of a log, by one datagram; what more has come is for catch_up()
-  double step_ring_s = 4;  ///< of logged steps that may wait for their turn, in each session that logs
-  /// Pieces of the scene that are sent, to one session and to all: beside commands, which they must not
-  /// delay. One takes about a microsecond.
-  double scene_chunks_per_s = 2000;
-  /// Of pieces of a slave's state to one session. A station asks for 2000 at most.
-  double snapshot_pieces_per_s = 2500;
-  double scene_chunks_all_per_s = 10000;
-  WorkBounds work;
-  /// A session's commands come at the rate of its Hello: what comes faster in the long run is dropped. Times that
-  /// rate, so that no clock's drift matters; 0: not looked at.
-  double rate_slack = 0;
-  /// Of the loop's time, for the exchanges of all sessions at their rates: a session that would bring them beyond is
-  /// refused (LoadEstimate). 0: not looked at.
-  double load_most = 0;
-  double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
-
-  /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
-  /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
-  WorkerMail* mail = nullptr;
-  std::size_t worker = 0;
-  AuditQueue* audit = nullptr;             ///< this worker's own, outlives the server; null: nobody asks
-  CheckpointQueue* checkpoints = nullptr;  ///< this worker's own, outlives the server; null: none are made
-  std::int64_t checkpoint_period_ns = 1'000'000'000;  ///< of one session
-  SessionCap* cap = nullptr;  ///< of all workers' active sessions; table.capacity holds for each besides
-};
-
-struct ServerCounters {
-  std::uint64_t datagrams = 0;
-  std::uint64_t exchanges = 0;  ///< commands accepted: answered, or
-  std::uint64_t left_out = 0;   ///< within the deadband of their session
-  std::uint64_t opened = 0;
-  std::uint64_t resumed = 0;
-  std::uint64_t timed_out = 0;
-  std::uint64_t ended = 0;         ///< by Bye
-  std::uint64_t holdings = 0;      ///< how often a shared tip went to somebody
-  std::uint64_t recovered = 0;     ///< lost commands that a later datagram repeated
-  std::uint64_t scene_chunks = 0;  ///< pieces of the scene sent
-  std::uint64_t moved_in = 0;      ///< handed over by another worker
-  std::uint64_t moved_out = 0;     ///< to another worker
-  std::uint64_t taken_up = 0;      ///< of another server, or one before this, by their checkpoints
-  std::uint64_t handed_out = 0;    ///< left to other servers at the end
-  std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
-  std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
-  std::uint64_t undone = 0;        ///< strokes of marks taken back
-  std::uint64_t switched = 0;      ///< sessions brought to another scene
-  std::uint64_t cut = 0;           ///< steps that ended before their way did, for the same reason
-
-  void add(const ServerCounters& more) noexcept {
-    datagrams += more.datagrams;
-    exchanges += more.exchanges;
-    left_out += more.left_out;
-    opened += more.opened;
-    resumed += more.resumed;
-    timed_out += more.timed_out;
-    ended += more.ended;
-    moved_in += more.moved_in;
-    moved_out += more.moved_out;
-    holdings += more.holdings;
-    recovered += more.recovered;
-    scene_chunks += more.scene_chunks;
-    taken_up += more.taken_up;
-    handed_out += more.handed_out;
-    work += more.work;
-    deferred += more.deferred;
-    cut += more.cut;
-    undone += more.undone;
-    switched += more.switched;
-  }
-};
 
 /// The server without its socket: datagrams and times go in, answers come out. The same object serves real
 /// UDP and whole sessions in virtual time.
@@ -242,6 +129,10 @@ class Server {
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
                        std::span<std::uint8_t> out, const net::Standing& standing,
                        bool others = true) noexcept;
+  link::HelloVerdict judge(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
+                           const net::Standing& standing, bool others) noexcept;
+  void open(std::size_t slot) noexcept;
+  void resume(std::size_t slot) noexcept;
   void settle_cap() noexcept;
   AuditEvent audit_event(AuditEvent::Kind kind, std::size_t slot, std::int64_t now_ns) const noexcept;
   void audit(AuditEvent::Kind kind, std::size_t slot, std::int64_t now_ns, std::uint32_t reason = 0) noexcept;
@@ -312,6 +203,9 @@ class Server {
   void forget(std::size_t slot, std::int64_t now_ns) noexcept;
   void withdraw_shared_tip(std::int64_t now_ns) noexcept;
   void retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexcept;
+
+  /// Pieces of a scene, and of a slave's state, that a session may have at once.
+  static constexpr double kPiecesBurst = 64;
 
   ServerConfig config_;
   /// A scene, and what its first slave has shown of it.

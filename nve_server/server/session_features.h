@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cmath>
+
 #include "telenano/common/link/messages.h"
 #include "telenano/common/link/session_table.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
 
@@ -14,6 +17,10 @@ inline bool logs_steps(const link::Session& session) noexcept {
 inline bool wants_model(const link::Session& session, const link::Command& command) noexcept {
   return (session.feature_bits & link::kFeatureLocalModel) != 0 &&
          (command.control.method == link::kMethodModel || command.control.method == link::kMethodTwin);
+}
+
+inline bool has_well(const slave::SlaveLimits& limits) noexcept {
+  return limits.well_aj > 0 && std::isfinite(limits.well_aj);
 }
 
 }  // namespace telenano::server

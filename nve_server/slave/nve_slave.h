@@ -149,6 +149,7 @@ class NveSlave final : public Slave {
     double dt_s = 0;
     physics::ModePropagator mode;
   };
+  static constexpr double kSettle_s = 1.0;  // a first balance: longer than any damper or mode remembers
   Port& port() noexcept { return ports_[now_]; }
   const Port& port() const noexcept { return ports_[now_]; }
   Port& trial_port() noexcept { return ports_[1 - now_]; }
@@ -162,6 +163,20 @@ class NveSlave final : public Slave {
   /// The springs of this trial, which stay until the next; null: no balance.
   const physics::Compliance* solve(const Vec3& commanded_w_nm, const Piece& piece, const Port& from,
                                    Port& to) noexcept;
+  /// Does the balance in `to` hold? Then what coupling and probe have stored and lost.
+  bool settle(double k_total_n_m, double b_over_dt_n_m, const Port& from, Port& to) noexcept;
+  /// A balance whose mode shall be moved by its mean force (mean_force.h).
+  struct MovingProbe {
+    const physics::ModeStep& step;
+    const physics::Compliance& springs;
+    const Vec3& free_end_w_nm;
+    double k_total_n_m;
+    double b_over_dt_n_m;
+    double dt_s;
+  };
+  enum class MeanForceResult : unsigned char { kHeld, kNone, kNoBalance };
+  MeanForceResult hold_mean_force(const MovingProbe& probe, const Port& from, Port& to) noexcept;
+  double given_to_mode_aj(const Port& from, const Port& to) const noexcept;
   const physics::Compliance& springs_without_mode(double k_total_n_m) noexcept;
   bool solve_within_force_limit(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
                                 bool& held_back) noexcept;

@@ -25,29 +25,29 @@ TouchedSample::TouchedSample(std::shared_ptr<const scene::Scene> scene) : scene_
   const physics::ParticleState resting = equilibrium.place(particle.x_nm, particle.y_nm);
   physics::TipBesideSleeper beside(equilibrium.model(), equilibrium.little_pull_nn());
   particle_ = std::make_unique<ParticleTrial>(
-      ParticleTrial{std::move(equilibrium), resting, resting, {}, {}, resting, std::move(beside), {}, {}});
-  particle_->solution.particle_centre_w_nm = resting.particle_centre_w_nm;
-  particle_->solution.on_surface = true;
+      ParticleTrial{std::move(equilibrium), {resting, resting}, {}, resting, std::move(beside), {}, {}});
+  particle_->solution().particle_centre_w_nm = resting.particle_centre_w_nm;
+  particle_->solution().on_surface = true;
 }
 
 physics::TipSolution TouchedSample::advance_both(const Vec3& free_end, const physics::Compliance& springs,
                                                  double dt_s, physics::PotentialState& state) noexcept {
   ParticleTrial& p = *particle_;
   p.trial_alone = p.alone && advance_alone(free_end, springs, state);
-  if (p.trial_alone) return p.trial_solution.tip;
-  p.trial_state = p.state;
-  if (p.alone && p.begun) p.beside.end(state, p.solution.tip, p.pull, p.trial_state);
+  if (p.trial_alone) return p.trial_solution().tip;
+  p.trial_state() = p.state();
+  if (p.alone && p.begun) p.beside.end(state, p.solution().tip, p.pull, p.trial_state());
   p.springs = springs;
-  p.trial_solution = p.equilibrium.advance(free_end, springs, dt_s, p.trial_state);
-  return p.trial_solution.tip;
+  p.equilibrium.advance_in_place(free_end, springs, dt_s, p.trial_state(), p.trial_solution());
+  return p.trial_solution().tip;
 }
 
 // The particle sleeps: the tip beside it. False: it wakes, `state` is what it was.
 bool TouchedSample::advance_alone(const Vec3& free_end, const physics::Compliance& springs,
                                   physics::PotentialState& state) noexcept {
   ParticleTrial& p = *particle_;
-  if (!p.begun) p.beside.begin(p.state, p.solution, p.springs, state);
-  return p.beside.advance(free_end, springs, p.state, p.trial_pull, state, p.trial_solution.tip);
+  if (!p.begun) p.beside.begin(p.state(), p.solution(), p.springs, state);
+  return p.beside.advance(free_end, springs, p.state(), p.trial_pull, state, p.trial_solution().tip);
 }
 
 physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs,
@@ -64,16 +64,15 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
   if (p.trial_alone) {
     p.begun = true;
     std::swap(p.pull, p.trial_pull);
-    p.beside.describe(p.trial_solution.tip, p.pull, p.solution);
+    p.beside.describe(p.trial_solution().tip, p.pull, p.solution());
     return;
   }
-  p.state = p.trial_state;
-  p.solution = p.trial_solution;
-  p.alone = p.beside.may_begin(p.state);
+  p.now = 1 - p.now;
+  p.alone = p.beside.may_begin(p.state());
   p.begun = false;
   if (!p.alone) return;
   p.pull = {};  // nothing of an earlier sleep is state
-  p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
+  p.pull.memory = p.trial_pull.memory = p.state().contacts[physics::kTipParticle].law;
 }
 
 namespace {
@@ -88,12 +87,12 @@ void visit_particle(Visit& visit, Solution& solution) noexcept {
 /// What its contacts and the ground remember of each other.
 template <class Visit, class Trial>
 void visit_particle_ground(Visit& visit, Trial& p) noexcept {
-  for (auto& contact : p.state.contacts) {
+  for (auto& contact : p.state().contacts) {
     fields(visit, contact.place);
     fields(visit, contact.hint);
   }
-  fields(visit, p.state.sleep.push_w_nn);
-  fields(visit, p.solution.contacts[physics::kTipParticle].force_w_nn);
+  fields(visit, p.state().sleep.push_w_nn);
+  fields(visit, p.solution().contacts[physics::kTipParticle].force_w_nn);
 }
 
 /// The tip beside a particle that sleeps: what the next step, or the particle's first one awake, begins from.
@@ -107,8 +106,8 @@ void visit_sleeper(Visit& visit, Trial& p) noexcept {
   law_fields(visit, p.pull.memory, false);
   law_fields(visit, p.trial_pull.memory, false);
   fields(visit, p.pull.law);
-  fields(visit, p.solution.tip);
-  auto& report = p.solution.contacts[physics::kTipSample];
+  fields(visit, p.solution().tip);
+  auto& report = p.solution().contacts[physics::kTipSample];
   visit(report.normal_force_nn);
   visit(report.overlap_nm);
   visit(report.stiffness_n_m);
@@ -211,8 +210,8 @@ void TouchedSample::write(Visit& visit) const noexcept {
     visit_last_step(visit, marked_->last_step());
   }
   if (!particle_) return;
-  fields(visit, particle_->state);
-  visit_particle(visit, particle_->solution);
+  fields(visit, particle_->state());
+  visit_particle(visit, particle_->solution());
   visit_sleeper(visit, std::as_const(*particle_));
   visit_particle_ground(visit, std::as_const(*particle_));
 }
@@ -239,12 +238,12 @@ void TouchedSample::unmark() noexcept {
 void TouchedSample::reset() noexcept {
   if (marked_) unmark();
   if (!particle_) return;
-  particle_->state = particle_->at_first;
+  particle_->state() = particle_->at_first;
   particle_->alone = particle_->begun = false;
   particle_->pull = particle_->trial_pull = {};
-  particle_->solution = {};
-  particle_->solution.particle_centre_w_nm = particle_->state.particle_centre_w_nm;
-  particle_->solution.on_surface = true;
+  particle_->solution() = {};
+  particle_->solution().particle_centre_w_nm = particle_->state().particle_centre_w_nm;
+  particle_->solution().on_surface = true;
 }
 
 bool TouchedSample::read(StateReader& visit) noexcept {
@@ -276,9 +275,9 @@ bool TouchedSample::read(StateReader& visit) noexcept {
     if (visit.ok()) marked_->set_last_step(last);
   }
   if (particle_ && visit.ok()) {
-    physics::ParticleState& state = particle_->state;
+    physics::ParticleState& state = particle_->state();
     fields(visit, state);
-    visit_particle(visit, particle_->solution);
+    visit_particle(visit, particle_->solution());
     visit_sleeper(visit, *particle_);
     visit_particle_ground(visit, *particle_);
     const auto& laws = particle_->equilibrium.model().laws;

@@ -45,7 +45,7 @@ class TouchedSample {
 
   /// Of the last trial accepted; null without a particle.
   const physics::ParticleSolution* particle() const noexcept {
-    return particle_ ? &particle_->solution : nullptr;
+    return particle_ ? &particle_->solution() : nullptr;
   }
 
   /// Whether the last trial balanced the particle together with the tip, which takes longer.
@@ -75,10 +75,15 @@ class TouchedSample {
  private:
   struct ParticleTrial {
     physics::ParticleEquilibrium equilibrium;
-    physics::ParticleState state;
-    physics::ParticleState trial_state;
-    physics::ParticleSolution solution;
-    physics::ParticleSolution trial_solution;
+    // What is, and the trial: exchanged, not copied, when one is accepted.
+    physics::ParticleState states[2];
+    physics::ParticleSolution solutions[2];
+    physics::ParticleState& state() noexcept { return states[now]; }
+    const physics::ParticleState& state() const noexcept { return states[now]; }
+    physics::ParticleState& trial_state() noexcept { return states[1 - now]; }
+    physics::ParticleSolution& solution() noexcept { return solutions[now]; }
+    const physics::ParticleSolution& solution() const noexcept { return solutions[now]; }
+    physics::ParticleSolution& trial_solution() noexcept { return solutions[1 - now]; }
     physics::ParticleState at_first;
     // While it sleeps the tip is balanced alone, in the state of who calls, once it has begun.
     physics::TipBesideSleeper beside;
@@ -88,6 +93,7 @@ class TouchedSample {
     bool begun = false;
     bool trial_alone = false;
     physics::Compliance springs = physics::Compliance::Zero();  // of the last trial
+    int now = 0;                                                // of the two
   };
   physics::TipSolution advance_both(const Vec3& free_end_w_nm, const physics::Compliance& springs,
                                     double dt_s, physics::PotentialState& state) noexcept;

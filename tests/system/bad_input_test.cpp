@@ -371,6 +371,37 @@ TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
   });
 }
 
+// What the server may leave out of its replies: a number of thousandths for the station and the study of what is felt, a
+// sweep of its own for the stress laboratory, whose runs name theirs.
+TEST_F(BadInputTest, DeadbandsOfReplies) {
+  const std::vector<std::string> run{kMaster, "run"};
+  const std::vector<std::string> fidelity{kLab, "fidelity", "--quick", "--out", "felt"};
+  const std::vector<std::string> stress{kLab, "stress", "--out", "stress"};
+  std::vector<Bad> table;
+  for (const std::string value : {"nan", "-nan", "-1", "2000", "inf", "x", "10x"}) {
+    const std::string flag = "--reply-deadband";
+    table.push_back({"run: " + value, with(run, {flag, value}), {flag, value}});
+    table.push_back({"fidelity: " + value, with(fidelity, {flag, value}), {flag, value, "1 to 1000"}});
+    table.push_back({"stress: " + value, with(stress, {flag + "=" + value}), {flag, value}});
+    table.push_back({"stress, a run: " + value,
+                     {kLab, "stress", "--replay", "reply-permille=" + value},
+                     {"reply-permille", value}});
+    const std::string toml = value == "-nan" || value == "x" || value == "10x" ? "\"" + value + "\"" : value;
+    const std::string station = write("station.toml", "[link]\nreply_deadband_permille = " + toml + "\n");
+    table.push_back(
+        {"station file: " + value, with(run, {"--config", station}), {station, "reply_deadband_permille"}});
+    expect_refused(table);
+    table.clear();
+  }
+  expect_refused(std::vector<Bad>{
+      {"stress: a word more", with(stress, {"--reply-deadband", "100"}), {"100"}},
+      {"stress: with a twin",
+       with(stress, {"--reply-deadband", "--methods", "twin"}),
+       {"with a twin no reply is left out"}},
+      {"floor", {kLab, "stress", "--replay", "reply-n=200"}, {"reply-n", "200", "0 to 100"}},
+  });
+}
+
 TEST_F(BadInputTest, WhatOnlyAServerCanTell) {
   // One place and no time-out to speak of: a refused station must say Bye, or the next finds the server full.
   Server server(scene_path("flat_silicon_oxide"), 0, {"--max-sessions", "1", "--timeout-ms", "60000"});

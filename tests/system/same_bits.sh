@@ -15,7 +15,7 @@ diff "$work/this" "$work/plain" || { echo "other states without FMA and AVX2"; e
 echo "the same with and without FMA and AVX2, by $("$program" --compiler)"
 if [ -n "$other" ]; then
   cmake -S "$source_dir" -B "$work/other" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER="$other" \
-    -DTELENANO_TESTS=OFF -DTELENANO_VIEWER=OFF -DTELENANO_METRICS=OFF -DTELENANO_WERROR=OFF -DTELENANO_PRECOMPILE=OFF > "$work/log"
+    -DTELENANO_TESTS=OFF -DTELENANO_VIEWER=OFF -DTELENANO_METRICS=OFF -DTELENANO_WERROR=OFF -DTELENANO_UNITY=OFF > "$work/log"
   cmake --build "$work/other" --target telenano-same-bits > "$work/log" || { tail "$work/log"; exit 1; }
   by_other=$(find "$work/other" -name telenano-same-bits -type f)
   "$by_other" "$steps" "${scenes[@]}" > "$work/other.out"

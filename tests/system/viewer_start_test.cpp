@@ -33,6 +33,72 @@ TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
   }
 }
 
+// Whatever is typed into the fields, each says in one line what is wrong with it, nothing typed is lost (the line counts
+// 10 000 characters), and in the end a session begins.
+TEST_F(ViewerPrograms, NonsenseInEveryFieldIsToldThereAndCanBeCorrected) {
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
+  Server server(scene_path("flat_silicon_oxide"));
+  std::ofstream(path("here.key")) << "no key";
+  std::filesystem::permissions(path("here.key"), std::filesystem::perms(0644));
+  std::filesystem::create_directory(path("folder"));
+  std::ofstream(path("user.sh")) << "cd " << folder_.string()
+                                 << "\nexport XDG_STATE_HOME=" << folder_.string()
+                                 << "/state\nserver=" << server.address() << "\nmaster=" << kMaster << kPerson
+                                 << R"sh(
+# The text of the field that is written in, and what the title then says of it. A screen that draws slowly takes the letters
+# of a picture before its keys: Ctrl+A has one of its own.
+field() {
+  xdotool key ctrl+a; sleep 0.15; xdotool key BackSpace; sleep 0.15
+  [ -z "$1" ] || xdotool type --delay 1 -- "$1"
+  see "Telenano: start, sim, recording at .*$2"
+}
+next() { xdotool key Tab; sleep 0.2; }
+many=$(printf 'w%.0s' $(seq 10000))
+long=$(printf 'w%.0s' $(seq 4200))
+$master start --server $server 2>err.txt &
+start=$!
+see 'Telenano: start, sim at .*, answered'
+xdotool key Up key space; see 'Telenano: start, sim, recording'
+xdotool mousemove 420 58 click 1; sleep 0.2
+field '' 'Server: Name a server'
+field lab 'Server: The server needs its port'
+field lab:0 'Server: Port .0. is not'
+field lab:99999 'Server: Port .99999. is not a number from 1 to 65535'
+field ::1:5100 'Server: An IPv6 address needs brackets'
+field '[::1' 'Server: The IPv6 address needs its closing bracket'
+field '/tmp/lab 1:5100' 'Server: .* is no host'
+field "$many" 'Server: At most 4095 characters, these are 10000$'
+field '[::1]:5100' '\[::1\]:5100$'
+field $server "$server"; xdotool key Return; see "Telenano: start, sim, recording at $server, answered"
+xdotool mousemove 420 58 click 1; sleep 0.2; next
+field none.key 'Key file: There is no such file'
+field folder 'Key file: This is a folder'
+field "$long" 'Key file: .*this one has 4200$'
+field here.key "$server$"; xdotool key Return
+see 'Key file: key file here.key: holds a secret but its mode 0644'
+xdotool mousemove 420 58 click 1; sleep 0.2; next
+field '' "$server"; next
+field folder 'Identity: This is a folder'
+field here.key 'Server.s key: Name the server.s key too'; next
+field sha256:ab 'Server.s key: Expected sha256: and 64'
+field '' 'Server.s key: Name the server'
+xdotool key shift+Tab; sleep 0.2; field '' "$server"; next
+field folder 'Recording: This is a folder'
+field none/a.h5 'Recording: There is no such folder'
+field here.key 'Recording: This file exists already'
+field "$long" 'Recording: .*this one has 4200$'
+field ok.h5 "$server"
+kill -0 $start && echo lives
+xdotool key Return; sleep 0.3; xdotool key Return
+see 'Telenano: flat_silicon_oxide at'; await 'grep -q " mJ " err.txt'
+press_until ctrl+q 'grep -q stopped.by.the.operator err.txt'
+see 'Telenano: start, sim, recording'; kill $start; wait $start; echo ended with $?
+)sh";
+  const Finished user = before_a_screen(4 * kLong);
+  EXPECT_EQ(user.out, "lives\nended with 0\n") << user.err << file_text(path("err.txt"));
+  EXPECT_TRUE(recording::RecordingReader(path("ok.h5")).closed());
+}
+
 // Another sample is another server: the list of those seen lately says which has which, and a choice of it and
 // Enter begin the next session there.
 TEST_F(ViewerPrograms, AnotherSceneIsChosenOnTheStartScreen) {

@@ -112,13 +112,23 @@ Felt felt_about(const std::string& file, const std::string& text) {
 class ViewerSwitch : public ViewerPrograms {
  protected:
   /// A person who chooses the last sample of the list of three while the tip presses on the first one, and who goes on
-  /// when a file 'go' is there; meanwhile the caller looks.
-  std::unique_ptr<ChildProcess> person(const std::string& station, const std::string& then) {
+  /// when a file 'go' is there; meanwhile the caller looks. `environment`: of the station, NAME=VALUE.
+  std::unique_ptr<ChildProcess> person(const std::string& station, const std::string& then,
+                                       const std::string& environment = "") {
     std::ofstream(path("user.sh"))
-        << "cd " << folder_.string() << kPerson << kMaster << " run " << station
+        << "cd " << folder_.string()
+        << kPerson
+        // A server withdraws the tip of a station that this machine has kept waiting: then another one presses.
+        << "for attempt in 1 2 3 4; do\n"
+           "rm -f s.h5\n"
+        << environment << " " << kMaster << " run " << station
         << " --view --record s.h5 2>err.txt &\n"
            "master=$!\n"
-           "see 'Telenano: flakes at'; await 'above \"$(told force)\" 1'; touch pressed\n"
+           "see 'Telenano: flakes at'; await 'above \"$(told force)\" 1 || above \"$(time_told)\" 9'\n"
+           "above \"$(told force)\" 1 && break\n"
+           "press_until ctrl+q '! kill -0 $master 2>/dev/null'\n"
+           "done\n"
+           "touch pressed\n"
            "await '[ -e choose ]'\n"
            "xdotool mousemove 1115 732 click 1; sleep 2\n"
            "xdotool mousemove 1050 705 click 1; touch chosen\n"
@@ -234,6 +244,35 @@ TEST_F(ViewerSwitch, MetricsGoOnAtTheOtherSample) {
   };
   EXPECT_GT(ticks("first.txt"), 0) << file_text(path("first.txt"));
   EXPECT_GT(ticks("second.txt"), ticks("first.txt") + 100) << "the loop that runs now, not the one that was";
+  EXPECT_EQ(RecordingReader(path("s-2.h5")).configuration("scene_name"), "flat_silicon_oxide");
+}
+
+// The disk of the recordings is slow: the first sample's takes five seconds to close, a server hears nothing for two
+// and ends a session. The session must be tended meanwhile, or it is gone when the other sample begins.
+TEST_F(ViewerSwitch, ARecordingThatTakesLongToCloseEndsNoSession) {
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
+  const std::string audit = path("audit.jsonl");
+  std::vector<std::string> flags = scene_flags({"flat_pdms", "flat_silicon_oxide"});
+  flags.insert(flags.end(), {"--timeout-ms", "2000", "--audit", audit});
+  Server server(scene_path("flakes"), 0, flags);
+  const auto user = person(
+      "--server " + server.address(),
+      "see 'Telenano: flat_silicon_oxide at'; await '[ $(grep -c ^loop: err.txt) = 2 ]'; touch there\n",
+      std::string("LD_PRELOAD=") + TELENANO_SLOW_CLOSE_SHIM +
+          " TELENANO_SLOW_CLOSE=/s.h5 TELENANO_SLOW_CLOSE_S=5");
+  ASSERT_TRUE(appears("pressed")) << said();
+  touch("choose");
+  ASSERT_TRUE(appears("chosen")) << said();
+  const auto chosen = std::chrono::steady_clock::now();
+  EXPECT_TRUE(appears("there")) << said();
+  EXPECT_GT(std::chrono::steady_clock::now() - chosen, Seconds(5)) << "or it was not slow";
+  touch("go");
+  ASSERT_TRUE(user->wait(2 * kLong)) << said();
+  EXPECT_EQ(user->out(), "lives\nended with 0\n") << said();
+  const std::string events = file_text(audit);
+  EXPECT_NE(events.find("\"session opened\""), std::string::npos) << events;
+  EXPECT_EQ(events.find("\"session silent\""), std::string::npos) << "nobody tended it:\n" << events;
+  EXPECT_TRUE(RecordingReader(path("s.h5")).closed());
   EXPECT_EQ(RecordingReader(path("s-2.h5")).configuration("scene_name"), "flat_silicon_oxide");
 }
 

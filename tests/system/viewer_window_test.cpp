@@ -188,6 +188,50 @@ TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
   EXPECT_EQ(marks, 1);
 }
 
+// The folder goes while the session runs: no picture, data, surface or recording can be written there. The session goes on,
+// and ends as it should.
+TEST_F(ViewerPrograms, AFolderThatCannotBeWrittenEndsNoSession) {
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << kPerson << "mkdir gone && cd gone\n"
+      << kMaster << " run --server " << server.address()
+      << " --view 2>../err.txt &\n"
+         "master=$!\n"
+         "see 'Telenano: flakes at'; cd ..; await 'above \"$(time_told)\" 1'; rmdir gone\n"
+         "for key in p d s ctrl+r; do xdotool key $key; sleep 0.5; done\n"
+         "from=$(time_told); await 'above \"$(time_told)\" $from'; echo goes on\n"
+         "xdotool key ctrl+q; wait $master; echo ended with $?\n";
+  const Finished user = before_a_screen(4 * kLong);
+  EXPECT_EQ(user.out, "goes on\nended with 0\n") << user.err << file_text(path("err.txt"));
+}
+
+// A disk that is full, by a limit of what a file may have: the recording is closed where it was, a line says so, and the
+// session goes on; what is asked of the recording then is not said to be in it.
+TEST_F(ViewerPrograms, ARecordingThatFailsIsToldAndTheSessionGoesOn) {
+  if (const std::string no = missing(); !no.empty()) GTEST_SKIP() << no;
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << "ulimit -f 1500\n"
+                                 << kMaster << " run --server " << server.address()
+                                 << " --view --record full.h5 2>err.txt &\n"
+                                    "master=$!\n"
+                                    "see 'Telenano: flakes at'; await 'grep -q the.session.goes.on err.txt'\n"
+                                    "press_until p '[ -s telenano-1.png ]'\n"
+                                    "xdotool key m; xdotool key n\n"
+                                    "from=$(time_told); await 'above \"$(time_told)\" $from'; echo goes on\n"
+                                    "xdotool key ctrl+q; wait $master; echo ended with $?\n";
+  const Finished user = before_a_screen(4 * kLong);
+  const std::string said = file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "goes on\nended with 1\n") << user.err << said;
+  EXPECT_NE(said.find("warning: full.h5: "), std::string::npos) << said;
+  const recording::RecordingReader recording(path("full.h5"));
+  EXPECT_FALSE(recording.closed());
+  EXPECT_GT(recording.rows(), 100u) << "up to the last time that all was written";
+  if (const char* look = std::getenv("TELENANO_LOOK"))
+    std::filesystem::copy_file(path("telenano-1.png"), std::string(look) + "/recording_failed.png",
+                               std::filesystem::copy_options::overwrite_existing);
+}
+
 // The first second of silence is told in the picture; at the end the window stays, with the cause, until a
 // person closes it.
 TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {

@@ -22,11 +22,12 @@ namespace telenano::app {
 namespace {
 
 using calibration::AxisDynamics;
+using calibration::CallTime;
 using calibration::DynamicsMeasurement;
 using calibration::MeasurementEnd;
 
 /// Tells a percentage on one line of a terminal, or a line each quarter elsewhere.
-class Progress {
+class ProgressLine {
  public:
   /// What ends its line before another one is told.
   const char* line_end() const { return terminal_ ? "\n" : ""; }
@@ -59,18 +60,21 @@ class Loop {
     std::int64_t last_ns = clock.now_ns();
     std::int64_t simulated_ns = 0;
     while (measurement_.end() == MeasurementEnd::kRunning) {
-      std::int64_t now_ns = simulated_ns += period_ns_;
-      if (real_time) {
-        timer.wait();
-        now_ns = clock.now_ns();
-      }
-      device_.advance(real_time ? now_ns - last_ns : period_ns_);
-      last_ns = now_ns;
+      simulated_ns += period_ns_;
+      if (real_time) timer.wait();
+      // The calls have times of their own: this thread may lose its processor before, between and in them.
+      const auto now_ns = [&] { return real_time ? clock.now_ns() : simulated_ns; };
+      const std::int64_t read_ns = now_ns();
+      device_.advance(real_time ? read_ns - last_ns : period_ns_);
+      last_ns = read_ns;
       device_.read(reading_);
+      const CallTime read = since(read_ns, now_ns());
       if (stopped.load(std::memory_order_relaxed) || refused_.load(std::memory_order_relaxed))
         measurement_.stop();
-      measurement_.applied(
-          device_.write_force(measurement_.force(1e-9 * static_cast<double>(now_ns), reading_)));
+      const Vec3 force_h_n = measurement_.force(read, reading_);
+      const std::int64_t write_ns = now_ns();
+      const Vec3 shown_h_n = device_.write_force(force_h_n);
+      measurement_.applied(since(write_ns, now_ns()), shown_h_n);
       percent_.store(static_cast<int>(100 * measurement_.done()), std::memory_order_relaxed);
       complete_.store(measurement_.axis(), std::memory_order_release);
       ticks_.fetch_add(1, std::memory_order_relaxed);
@@ -78,6 +82,10 @@ class Loop {
     device_.write_force(Vec3::Zero());
     if (measurement_.end() == MeasurementEnd::kDone) complete_.store(3, std::memory_order_release);
     over_.store(true, std::memory_order_release);
+  }
+
+  static CallTime since(std::int64_t begin_ns, std::int64_t end_ns) noexcept {
+    return {1e-9 * static_cast<double>(begin_ns), 1e-9 * static_cast<double>(end_ns)};
   }
 
   bool over() const noexcept { return over_.load(std::memory_order_acquire); }
@@ -116,7 +124,7 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
                                 const calibration::MeasurementConfig& config) {
   const std::atomic<bool>& stop = catch_stop_signals();
   Loop loop(device, config);
-  Progress progress;
+  ProgressLine progress;
   DeviceDynamics axes;
   int judged = 0;
   std::string why_not;

@@ -15,7 +15,7 @@ void add_recover_command(CLI::App& app) {
       "recover",
       "Repair a recording whose program was killed, so that any HDF5 program can open it (in place)");
   const auto files = std::make_shared<std::vector<std::string>>();
-  command->add_option("FILE", *files, "recordings")->required();
+  command->add_option("FILE", *files, "Recordings to repair")->required();
   command->callback([files] {
     bool first = true;
     for (const std::string& file : *files) {

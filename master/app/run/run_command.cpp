@@ -59,11 +59,10 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
                   "path over a lossy link (default: 0)")
       ->check(CLI::Range(0, 4));
   command
-      .add_option(
-          "--reply-deadband", options.reply_deadband_permille,
-          "Let the server leave out replies whose force differs from the last one's by less than this, in "
-          "thousandths of that; 0: none. Default: up to the station file's value, where the link is full "
-          "and nothing is recorded. Not with a twin")
+      .add_option("--reply-deadband", options.reply_deadband_permille,
+                  "Let the server leave out a reply if its force differs by less than this from the last one "
+                  "sent, in thousandths of that force; 0: send all. Default: up to the station file's "
+                  "value, while the link is full and nothing is recorded. Not with a twin")
       ->type_name("PERMILLE")
       ->check(CLI::Range(0.0, kReplyDeadbandMost_permille));
   command

@@ -6,9 +6,11 @@
 #include <atomic>
 #include <chrono>
 #include <cstddef>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -17,6 +19,7 @@
 #include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/app/devices/found_devices.h"
 #include "telenano/master/app/recordings/free_recording.h"
+#include "telenano/master/app/start/file_faults.h"
 #include "telenano/master/app/start/own_program.h"
 #include "telenano/master/app/start/recent_servers.h"
 #include "telenano/master/app/start/start_flags.h"
@@ -41,17 +44,56 @@ std::vector<viewer::OfferedHand> offered_hands() {
   return hands;
 }
 
+/// What the fields themselves and the files that they name show.
+view_model::StartFaults field_faults(const view_model::StartChoice& choice) {
+  view_model::StartFaults faults = view_model::start_faults(choice);
+  if (faults.key.empty() && !choice.key.empty()) faults.key = read_fault(choice.key);
+  if (faults.identity.empty() && !choice.identity.empty()) faults.identity = read_fault(choice.identity);
+  if (faults.recording.empty() && choice.record) faults.recording = recording_fault(choice.recording);
+  return faults;
+}
+
+/// Looks at the files again when a name has changed, and now and then: one may be made meanwhile.
+class FieldLook {
+ public:
+  const view_model::StartFaults& faults(const view_model::StartChoice& choice) {
+    constexpr auto kAgain = std::chrono::seconds(1);
+    const auto now = std::chrono::steady_clock::now();
+    std::vector<std::string> fields = view_model::run_arguments(choice);
+    if (fields != seen_ || now >= next_) {
+      seen_ = std::move(fields);
+      next_ = now + kAgain;
+      faults_ = field_faults(choice);
+    }
+    return faults_;
+  }
+
+ private:
+  std::vector<std::string> seen_;
+  std::chrono::steady_clock::time_point next_;
+  view_model::StartFaults faults_;
+};
+
 /// Asks a server in a process of its own: this window never waits for it.
 class Question {
  public:
   void ask(const view_model::StartChoice& choice, viewer::StartFacts& facts) {
     program_.reset();
     facts.plan.reset();
-    facts.trouble = view_model::choice_fault(choice);
-    facts.looking = facts.trouble.empty();
-    if (!facts.looking) return;
+    facts.trouble.clear();
+    answered_faults_ = {};
     asked_ = choice;
-    program_.emplace(view_model::plan_arguments(choice), false);
+    // What is wrong with a field is said there. The recording is no matter of the server's.
+    view_model::StartFaults faults = field_faults(choice);
+    faults.recording.clear();
+    facts.looking = faults.first().empty();
+    if (!facts.looking) return;
+    try {
+      program_.emplace(view_model::plan_arguments(choice), false);
+    } catch (const RunError& error) {
+      facts.looking = false;
+      facts.trouble = error.what();
+    }
   }
   /// True when a server has answered just now.
   bool poll(viewer::StartFacts& facts) {
@@ -62,31 +104,40 @@ class Question {
       facts.plan = view_model::parse_plan(program_->out());
     } else {
       const auto lines = last_lines(program_->err(), 1);
-      facts.trouble = lines.empty() ? "the server could not be asked" : lines.back();
+      if (lines.empty() || !view_model::take_flag_fault(lines.back(), asked_, answered_faults_))
+        facts.trouble = lines.empty() ? "the server could not be asked" : lines.back();
     }
     program_.reset();
     return answered;
   }
   const view_model::StartChoice& asked() const noexcept { return asked_; }
+  /// What that answer said of the fields; of a choice that has changed since it says nothing.
+  view_model::StartFaults& faults() noexcept { return answered_faults_; }
 
  private:
   std::optional<OwnProgram> program_;
+  view_model::StartFaults answered_faults_;
   view_model::StartChoice asked_;
 };
 
 /// One session, to its end, in its own process and window.
 void run_session_program(const view_model::StartChoice& choice, const std::atomic<bool>& stop,
                          viewer::StartFacts& facts) {
-  OwnProgram session(view_model::run_arguments(choice), true);
-  bool told = false;
-  while (!session.ended()) {
-    if (stop && !std::exchange(told, true)) session.ask_to_end();
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  try {
+    OwnProgram session(view_model::run_arguments(choice), true);
+    bool told = false;
+    while (!session.ended()) {
+      if (stop && !std::exchange(told, true)) session.ask_to_end();
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    facts.last_text = last_lines(session.err(), kLastLines);
+    facts.last_failed = session.exit_code() != 0;
+    if (facts.last_text.empty())
+      facts.last_text.push_back(fmt::format("it ended with code {}", session.exit_code()));
+  } catch (const RunError& error) {  // no process could be made: what was chosen stays
+    facts.last_text = {error.what()};
+    facts.last_failed = true;
   }
-  facts.last_text = last_lines(session.err(), kLastLines);
-  facts.last_failed = session.exit_code() != 0;
-  if (facts.last_text.empty())
-    facts.last_text.push_back(fmt::format("it ended with code {}", session.exit_code()));
 }
 
 int start(const StartFlags& flags) {
@@ -118,11 +169,15 @@ int start(const StartFlags& flags) {
     choice.server_key = flags.server_key;
   }
   choice.server_scene = flags.server_scene;
-  if (!flags.device.empty()) choice.device = flags.device;
+  if (!flags.device.empty()) {
+    parse_device_spec(flags.device);
+    choice.device = flags.device;
+  }
   choice.text_size = flags.text_size;
   viewer::StartFacts facts;
   facts.hands = offered_hands();
   Question question;
+  FieldLook look;
   const auto list_seen = [&] {
     facts.seen.clear();
     for (const RecentServer& one : recent.list())
@@ -142,14 +197,18 @@ int start(const StartFlags& flags) {
     }
     // What was said of another session is not said of this one.
     if (view_model::plan_arguments(now) != view_model::plan_arguments(question.asked()))
-      facts.plan.reset(), facts.trouble.clear();
+      facts.plan.reset(), facts.trouble.clear(), question.faults() = {};
+    facts.faults = look.faults(now);
+    facts.faults.add(question.faults());
     facts.command_line = view_model::shell_line("telenano-master", view_model::run_arguments(now));
   };
   hooks.stop_wanted = [&] { return stop.load(); };
   // One who has named a server, or used one before, need not ask.
   if (!flags.server.empty() || !recent.list().empty()) question.ask(choice, facts);
   while (!stop) {
-    choice.recording = free_recording(choice.recording);
+    // A folder stays as it was typed: its field says what to do.
+    if (std::error_code none; !std::filesystem::is_directory(choice.recording, none))
+      choice.recording = free_recording(choice.recording);
     if (!viewer::run_start_window(facts, choice, hooks)) break;
     run_session_program(choice, stop, facts);
     // What the server said before says nothing of one that may be gone.

@@ -244,8 +244,9 @@ std::string SessionView::run(const RealTimeSession& live, bool give_way, const C
   hooks.record = callbacks.record;
   hooks.recording = [&callbacks] {
     const recording::Recorder* const recorder = callbacks.recorder();
-    return recorder == nullptr ? viewer::RecordingStatus{}
-                               : viewer::RecordingStatus{recorder->rows_written(), recorder->failed()};
+    if (recorder == nullptr) return viewer::RecordingStatus{};
+    const bool failed = recorder->failed();
+    return viewer::RecordingStatus{recorder->rows_written(), failed, failed ? recorder->failure() : ""};
   };
   std::optional<WatchedScan> watched;
   if (!options_.surface.empty()) {

@@ -201,19 +201,19 @@ void add_fit_command(CLI::App& app) {
   auto options = std::make_shared<FitOptions>();
   command
       ->add_option("curves", options->curves,
-                   "force curves: .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats), NanoScope (.spm, .000); "
+                   "Force curves: .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats), NanoScope (.spm, .000); "
                    "several curves are fitted separately")
       ->required()
       ->type_name("FILE");
   command
       ->add_option("--scene", options->scene,
-                   "the starting scene with the known values: tip radius, lever, law, materials; its surface "
+                   "The starting scene with the known values: tip radius, lever, law, materials; its surface "
                    "does not matter")
       ->required()
       ->type_name(config::kSceneOrFile);
   command
       ->add_option("-o,--out", options->out,
-                   "the same scene with the fitted values (for several curves, the median)")
+                   "The same scene with the fitted values (for several curves, the median)")
       ->required()
       ->type_name("FILE");
   command
@@ -223,46 +223,47 @@ void add_fit_command(CLI::App& app) {
           "were rigid")
       ->type_name("NUMBER|stiff");
   auto* stiffness = command->add_option("--stiffness-n-m", options->stiffness_n_m,
-                                        "stiffness of the lever (default: the scene's)");
+                                        "Stiffness of the lever (default: the scene's)");
   auto* thermal =
       command
           ->add_option(
               "--thermal", options->thermal,
-              "measure the lever's stiffness from its thermal motion: table of frequency_hz and psd_nm2_hz "
+              "Measure the lever's stiffness from its thermal motion: table of frequency_hz and psd_nm2_hz "
               "(or V2), or of time_s and deflection_nm (or V), of the free lever")
           ->type_name("FILE");
   auto* reference =
       command
           ->add_option(
               "--reference-curve", options->reference,
-              "measure the lever's stiffness from a curve on a reference, with --reference-stiffness-n-m")
+              "Measure the lever's stiffness from a curve on a reference, with --reference-stiffness-n-m")
           ->type_name("FILE");
   stiffness->excludes(thermal)->excludes(reference);
   thermal->excludes(reference);
   command
       ->add_option("--thermal-lever", options->thermal_lever,
-                   "part of the motion that the instrument sees: rectangular 0.817 or v-shaped 0.764 if it "
+                   "Part of the motion that the instrument sees: rectangular 0.817 or v-shaped 0.764 if it "
                    "measures the slope with a sensitivity calibrated on something rigid; displacement 0.971")
       ->check(CLI::IsMember({"rectangular", "v-shaped", "displacement"}))
       ->capture_default_str();
-  command->add_option("--temperature-c", options->temperature_c, "of the lever")->capture_default_str();
+  command->add_option("--temperature-c", options->temperature_c, "Temperature of the lever")
+      ->capture_default_str();
   command
       ->add_option("--thermal-band-hz", options->thermal_band,
-                   "frequencies to fit (default: around the peak)")
+                   "Frequencies to fit (default: around the peak)")
       ->type_name("LOW:HIGH");
   command->add_option("--reference-stiffness-n-m", options->reference_n_m,
-                      "stiffness of the reference, along z");
+                      "Stiffness of the reference, along z");
   command
       ->add_option(
           "--stiffness-error-percent", options->stiffness_error_percent,
-          "additional standard deviation of the lever's stiffness that its measurement does not show "
+          "Additional standard deviation of the lever's stiffness that its measurement does not show "
           "(sensitivity, temperature); the intervals include it")
       ->capture_default_str();
-  command->add_option("--radius-nm", options->radius_nm, "radius of the tip (default: the scene's)");
+  command->add_option("--radius-nm", options->radius_nm, "Radius of the tip (default: the scene's)");
   command
       ->add_option(
           "--also", options->also,
-          "fit these too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, or H "
+          "Fit these too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, or H "
           "the Hamaker constant; each follows from the other and w: H = 12 pi z0^2 w; humidity and "
           "film for a scene with a capillary bridge")
       ->check(CLI::IsMember({"R", "z0", "H", "humidity", "film"}));
@@ -270,7 +271,7 @@ void add_fit_command(CLI::App& app) {
                       "Hamaker constant, fixed whatever w is; with --also H the starting value (default: the "
                       "scene's, or that of its z0 and w)");
   command->add_flag("--shift", options->shift,
-                    "allow a shift of z between approach and retract: drift of the piezo");
+                    "Allow a shift of z between approach and retract: drift of the piezo");
   command->add_option("--z-column", options->columns.z, "name of the column or channel with the height");
   command->add_option("--deflection-column", options->columns.deflection,
                       "name of the column or channel with the deflection");

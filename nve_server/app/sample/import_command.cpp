@@ -34,7 +34,7 @@ constexpr double kExtentMax_m = 1e-3;
 constexpr double kHeightMax_nm = 1e5;
 constexpr double kSpikesHinted = 10.0;
 
-struct Options {
+struct ImportOptions {
   std::string file;
   std::string out;
   bool list = false;
@@ -100,7 +100,7 @@ std::string all_shown(const import::GwyFile& file) {
   return text + (file.channels.size() > kMost ? ", ...; all by --list" : "");
 }
 
-const import::GwyChannel& chosen(const Source& source, const Options& options) {
+const import::GwyChannel& chosen(const Source& source, const ImportOptions& options) {
   const auto& channels = source.gwy.channels;
   if (options.channel.empty()) {
     const auto first = std::find_if(channels.begin(), channels.end(), is_height);
@@ -139,7 +139,7 @@ struct Heights {
 
 /// The rows of the file from the top, those of the grid from the bottom. Throws UserError for what no scene
 /// could read.
-Heights heights_of(const import::GwyChannel& channel, const Options& options) {
+Heights heights_of(const import::GwyChannel& channel, const ImportOptions& options) {
   const import::GwyField& field = channel.field;
   const auto refuse = [&](const std::string& what) {
     throw UserError(options.file + ": channel " + shown(channel) + " " + what);
@@ -231,7 +231,7 @@ std::optional<double> number_within(const std::string& text, double least, doubl
   return value;
 }
 
-std::optional<double> spike_limit(const Options& options) {
+std::optional<double> spike_limit(const ImportOptions& options) {
   if (options.spikes == "none") return std::nullopt;
   if (const auto sigma = number_within(options.spikes, 1, 1e6)) return sigma;
   throw UserError("--spikes is '" + import::printable(options.spikes) +
@@ -244,14 +244,14 @@ void expect_radius(const char* flag, double radius_nm) {
 }
 
 /// None: blind, or not asked for.
-std::optional<double> deconvolve_radius_nm(const Options& options) {
+std::optional<double> deconvolve_radius_nm(const ImportOptions& options) {
   if (options.deconvolve.empty() || options.deconvolve == "blind") return std::nullopt;
   if (const auto radius_nm = number_within(options.deconvolve, 1, 1e4)) return radius_nm;
   throw UserError("--deconvolve-radius-nm is '" + import::printable(options.deconvolve) +
                   "', expected a radius of 1 to 1e4 nm, or blind");
 }
 
-void clean(surface::HeightGrid& grid, const Options& options, Account& account) {
+void clean(surface::HeightGrid& grid, const ImportOptions& options, Account& account) {
   if (const auto sigma = spike_limit(options)) {
     const double noise_nm = import::pixel_noise_nm(grid);
     const std::size_t count = import::remove_spikes(grid, *sigma);
@@ -290,7 +290,7 @@ surface::Scan certainty_of(const surface::Scan& scan, const import::Erosion& ero
 }
 
 /// Of the tip that measured: as given, or the bluntest that the scan allows.
-double measuring_radius_nm(const surface::Scan& scan, const Options& options, Account& account) {
+double measuring_radius_nm(const surface::Scan& scan, const ImportOptions& options, Account& account) {
   if (const auto given = deconvolve_radius_nm(options)) return *given;
   // One normal pixel in 5e8 is six times the noise off.
   const double radius_nm = import::bluntest_radius_nm(scan.grid, 6.0 * import::pixel_noise_nm(scan.grid));
@@ -336,7 +336,7 @@ struct Targets {
 };
 
 /// Before the work: a mistake is said at once.
-Targets targets_of(const Options& options) {
+Targets targets_of(const ImportOptions& options) {
   Targets targets;
   targets.name = import::plain_name(std::filesystem::path(options.file).stem().string());
   targets.folder = options.out.empty() ? targets.name : options.out;
@@ -361,7 +361,7 @@ Targets targets_of(const Options& options) {
   return targets;
 }
 
-void list(const Source& source, const Options& options) {
+void list(const Source& source, const ImportOptions& options) {
   std::printf("channel,title,columns,rows,unit,lateral_unit,width,height,gaps,masked,usable\n");
   const auto quoted = [](const std::string& text) {
     std::string out = "\"";
@@ -396,7 +396,7 @@ void list(const Source& source, const Options& options) {
   }
 }
 
-Heights take_channel(Source& source, const Options& options, Account& account) {
+Heights take_channel(Source& source, const ImportOptions& options, Account& account) {
   const std::string name = std::filesystem::path(options.file).filename().string();
   const std::string how = source.converted ? ", converted by Gwyddion" : "";
   Heights heights;
@@ -428,7 +428,7 @@ Heights take_channel(Source& source, const Options& options, Account& account) {
   return heights;
 }
 
-void run(const Options& options) {
+void run(const ImportOptions& options) {
   expect_radius("--tip-radius-nm", options.tip_radius_nm);
   deconvolve_radius_nm(options);
   spike_limit(options);
@@ -487,20 +487,22 @@ void run(const Options& options) {
 void add_import_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "import", "Make a scene from your own scan (.gwy, .gsf, and formats that Gwyddion reads)");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ImportOptions>();
   command
       ->add_option("file", options->file,
-                   "the scan: .gwy or .gsf; Gwyddion, if installed, converts other formats")
+                   "Scan: .gwy or .gsf; Gwyddion, if installed, converts other formats")
       ->required()
       ->type_name("FILE");
   command
       ->add_option("-o,--out", options->out,
-                   "folder for the scene and its scan; left out: the file's name without its ending")
+                   "Folder for the scene and its scan (default: the file's name without its ending)")
       ->type_name("FOLDER");
-  command->add_flag("--list", options->list, "only list the channels, as CSV");
-  command->add_option("--channel", options->channel, "title or number; left out: the first of heights (in m)")
+  command->add_flag("--list", options->list, "Only list the channels, as CSV");
+  command
+      ->add_option("--channel", options->channel,
+                   "Title or number of the channel (default: the first that holds heights, in m)")
       ->type_name("TITLE|NUMBER");
-  command->add_option("--level", options->level, "plane: take out the plane that most of the scan lies on")
+  command->add_option("--level", options->level, "plane: subtract the plane that most of the scan lies on")
       ->capture_default_str()
       ->check(CLI::IsMember({"plane", "none"}));
   command->add_option("--flatten", options->flatten, "rows-median: align the scan's lines")
@@ -508,21 +510,21 @@ void add_import_command(CLI::App& app) {
       ->check(CLI::IsMember({"rows-median", "none"}));
   command
       ->add_option("--spikes", options->spikes,
-                   "remove single pixels that stand out by more than this many times the noise, e.g. 10")
+                   "Remove single pixels that stand out by more than this many times the noise, e.g. 10")
       ->capture_default_str()
       ->type_name("SIGMA|none");
   command->add_flag("--fill-masked", options->fill_masked,
-                    "fill the pixels under the channel's mask from their surroundings");
+                    "Fill the pixels under the channel's mask from their surroundings");
   command
       ->add_option("--tip-radius-nm", options->tip_radius_nm,
-                   "radius of the tip that will touch the sample, 1 to 1e4")
+                   "Radius of the tip that will touch the sample, 1 to 1e4")
       ->capture_default_str();
   command
       ->add_option("--deconvolve-radius-nm", options->deconvolve,
-                   "remove the width of the tip that measured the scan: its radius, 1 to 1e4, or blind: the "
+                   "Remove the width of the tip that measured the scan: its radius, 1 to 1e4, or blind: the "
                    "bluntest tip that the scan allows; also writes NAME_certainty.gsf")
       ->type_name("R|blind");
-  command->add_flag("--force", options->force, "replace existing files");
+  command->add_flag("--force", options->force, "Replace existing files");
   command->footer(
       "Writes FOLDER/NAME.gsf and FOLDER/scene.toml, whose comments say what was done. A scan "
       "holds no material data:\nedit the scene's [sample] and [probe]. Order of the steps: gaps, "

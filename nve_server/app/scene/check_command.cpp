@@ -260,13 +260,13 @@ void add_check_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "check", "Show what a scene computes, what it leaves out, and how long a step takes");
   auto path = std::make_shared<std::string>();
-  command->add_option("--scene", *path, "scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
+  command->add_option("--scene", *path, "Scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
   auto limits = std::make_shared<std::string>();
   command
       ->add_option("--limits", *limits,
-                   "also write the limits of this scene's slave, from which a station can plan its scaling "
+                   "Also write the limits of this scene's slave, from which a station can plan its scaling "
                    "(TOML)")
       ->type_name("FILE");
   command->callback([path, limits] { run(*path, *limits); });

@@ -56,17 +56,19 @@ void add_curve_command(CLI::App& app) {
   auto options = std::make_shared<Options>();
   command
       ->add_option("--scene", options->scene,
-                   "scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
+                   "Scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
-  command->add_option("--x-nm", options->x_nm, "position, frame W (default: start position of the scene)");
-  command->add_option("--y-nm", options->y_nm, "position, frame W (default: start position of the scene)");
-  command->add_option("--from-nm", options->plan.from_nm, "highest base height above the surface at (x, y)")
+  command->add_option("--x-nm", options->x_nm, "Position x, frame W (default: start position of the scene)");
+  command->add_option("--y-nm", options->y_nm, "Position y, frame W (default: start position of the scene)");
+  command
+      ->add_option("--from-nm", options->plan.from_nm,
+                   "Highest height of the base above the surface at (x, y)")
       ->capture_default_str();
-  command->add_option("--to-nm", options->plan.to_nm, "lowest base height")->capture_default_str();
+  command->add_option("--to-nm", options->plan.to_nm, "Lowest height of the base")->capture_default_str();
   command
       ->add_option("--step-nm", options->plan.step_nm,
-                   "distance between rows; jumps between rows are resolved")
+                   "Distance between rows; jumps between rows are resolved")
       ->capture_default_str();
   command->footer(
       "Columns: direction approach|retract; base_z_nm height of the tip apex with the cantilever "
@@ -74,9 +76,8 @@ void add_curve_command(CLI::App& app) {
       "overlap_nm largest normal overlap, negative = gap;\nforce_nn W-z force on the tip, "
       "repulsive positive; deflection_nm = force/k_z, up positive; branch\n"
       "free|vdw|noncontact|contact; work_aj work done by the base since the first row. The virtual "
-      "coupling is not included.\nIf tip and cantilever have no balance at a place of a scan, a "
-      "line with # replaces the row, and the curve continues;\ntheir number is printed on standard "
-      "error.");
+      "coupling is not included.\nWhere a scan has no equilibrium of tip and cantilever, a line with # "
+      "replaces the row, and the curve continues;\nthe number of such lines is printed on standard error.");
   command->callback([options] { run(*options); });
 }
 

@@ -24,7 +24,7 @@
 namespace telenano::app {
 namespace {
 
-struct Options {
+struct TraceOptions {
   std::string scene;
   std::string path;
   std::string csv;
@@ -93,7 +93,7 @@ void write_row(std::FILE* file, double t_s, const Vec3& end, const slave::SlaveO
                trace.stored_aj, trace.dissipated_aj, out.fault_bits);
 }
 
-void run(const Options& options) {
+void run(const TraceOptions& options) {
   const std::vector<PathPoint> path = read_path(options.path);
   const auto scene = load_scene(options.scene);
   slave::NveSlave slave(scene);
@@ -154,21 +154,22 @@ void run(const Options& options) {
 void add_trace_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "trace", "Move the tip along a path from a file; writes forces as CSV and marks as .gsf");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TraceOptions>();
   command
       ->add_option("--scene", options->scene,
-                   "scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
+                   "Scene: a file (TOML) or the name of a supplied scene, e.g. flakes")
       ->required()
       ->type_name(config::kSceneOrFile);
   command
       ->add_option("--path", options->path,
-                   "CSV with the header t_s,x_nm,y_nm,z_nm: the commanded end, frame W")
+                   "CSV with the header t_s,x_nm,y_nm,z_nm: path of the commanded end, frame W")
       ->required()
       ->type_name("FILE");
-  command->add_option("--csv", options->csv, "output file (default: standard output)")->type_name("FILE");
-  command->add_option("--save-surface", options->surface, "the surface with its marks, as .gsf")
+  command->add_option("--csv", options->csv, "Output file (default: standard output)")->type_name("FILE");
+  command
+      ->add_option("--save-surface", options->surface, "Write the surface with its marks to this file (.gsf)")
       ->type_name("FILE");
-  command->add_option("--rate-hz", options->rate_hz, "steps a second between the rows")
+  command->add_option("--rate-hz", options->rate_hz, "Steps per second between the rows of the path")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 1e6));
   command->footer(

@@ -91,7 +91,7 @@ const char* end_name(std::uint32_t reason) noexcept {
 }
 
 /// "2026-11-22T21:05:03.125Z", RFC 3339.
-std::string utc_text(std::chrono::system_clock::time_point at) {
+std::string time_text(std::chrono::system_clock::time_point at) {
   const auto since = std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count();
   const time_t seconds = static_cast<time_t>(since / 1000);
   tm parts{};
@@ -101,7 +101,7 @@ std::string utc_text(std::chrono::system_clock::time_point at) {
 }
 
 std::string line_now(Json rest, const char* event) {
-  Json line{{"time", utc_text(std::chrono::system_clock::now())}, {"event", event}};
+  Json line{{"time", time_text(std::chrono::system_clock::now())}, {"event", event}};
   line.update(rest);
   return line.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
@@ -214,7 +214,7 @@ void AuditLog::write(const std::string& lines) {
 
 std::string AuditLog::line_of(const server::AuditEvent& event) {
   const std::int64_t ago_ns = clock_.now_ns() - event.at_ns;
-  Json line{{"time", utc_text(std::chrono::system_clock::now() - std::chrono::nanoseconds(ago_ns))},
+  Json line{{"time", time_text(std::chrono::system_clock::now() - std::chrono::nanoseconds(ago_ns))},
             {"event", name_of_kind(event.kind)}};
   if (event.session != 0) line["session"] = event.session;
   if (event.identity != 0) line["key"] = name_of(event.identity);

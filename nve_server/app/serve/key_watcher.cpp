@@ -12,7 +12,7 @@
 namespace telenano::app {
 namespace {
 
-constexpr std::chrono::seconds kPeriod{1};
+constexpr std::chrono::seconds kWatchPeriod{1};
 
 std::string state_of(const std::string& path) {
   struct stat info {};
@@ -98,7 +98,7 @@ void KeyWatcher::run() {
     const bool first = seen_.empty();
     seen_ = std::move(state);
     read(!first && !expired);
-  } while (!wake_.wait_for(lock, kPeriod, [this] { return done_; }));
+  } while (!wake_.wait_for(lock, kWatchPeriod, [this] { return done_; }));
 }
 
 }  // namespace telenano::app

@@ -6,6 +6,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/renew.h"
 
 namespace telenano::physics {
 namespace {
@@ -49,29 +50,48 @@ double Friction::stiffness_n_m(double contact_radius_nm) const noexcept {
 
 FrictionStep Friction::move(const FrictionState& from, const Vec3& normal, const Vec3& moved_nm,
                             double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept {
-  return moved<true>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking);
+  FrictionStep step;
+  moved<true>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking, step);
+  return step;
 }
 
 FrictionStep Friction::move_once(const FrictionState& from, const Vec3& normal, const Vec3& moved_nm,
                                  double contact_radius_nm, double normal_force_nn,
                                  bool breaking) const noexcept {
-  return moved<false>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking);
+  FrictionStep step;
+  moved<false>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking, step);
+  return step;
 }
 
+void Friction::move(const FrictionState& from, const Vec3& normal, const Vec3& moved_nm,
+                    double contact_radius_nm, double normal_force_nn, bool breaking,
+                    FrictionStep& step) const noexcept {
+  renew(step);
+  moved<true>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking, step);
+}
+
+void Friction::move_once(const FrictionState& from, const Vec3& normal, const Vec3& moved_nm,
+                         double contact_radius_nm, double normal_force_nn, bool breaking,
+                         FrictionStep& step) const noexcept {
+  renew(step);
+  moved<false>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking, step);
+}
+
+// `step` is new.
 template <bool kTangents>
-FrictionStep Friction::moved(const FrictionState& from, const Vec3& normal, const Vec3& moved,
-                             double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept {
-  FrictionStep step;
+void Friction::moved(const FrictionState& from, const Vec3& normal, const Vec3& moved,
+                     double contact_radius_nm, double normal_force_nn, bool breaking,
+                     FrictionStep& step) const noexcept {
   const double k0 = from.stiffness_n_m;
   const double k = stiffness_n_m(contact_radius_nm);
   const double before = 0.5 * k0 * from.extension_w_nm.squaredNorm();
   step.after.normal_w = normal;
   if (!(k > 0.0)) {
     step.dissipated_aj = before;
-    return step;
+    return;
   }
   step.after.stiffness_n_m = k;
-  if (!(k0 > 0.0)) return step;  // made in this step: where on its way nobody knows, so unstressed
+  if (!(k0 > 0.0)) return;  // made in this step: where on its way nobody knows, so unstressed
   const bool grown = k > k0;
   Vec3 carried = carry(from.extension_w_nm, from.normal_w, normal);
   if (grown) carried *= k0 / k;
@@ -116,7 +136,6 @@ FrictionStep Friction::moved(const FrictionState& from, const Vec3& normal, cons
   }
   step.force_w_nn = -k * step.after.extension_w_nm;
   step.stored_aj = 0.5 * k * step.after.extension_w_nm.squaredNorm();
-  return step;
 }
 
 }  // namespace telenano::physics

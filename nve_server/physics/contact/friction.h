@@ -73,11 +73,18 @@ class Friction {
   /// The same, with nothing in what is for Newton's method.
   FrictionStep move_once(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
                          double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept;
+  /// Both into `step`, in place: some hundred bytes that loops need not copy.
+  void move(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm, double contact_radius_nm,
+            double normal_force_nn, bool breaking, FrictionStep& step) const noexcept;
+  void move_once(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
+                 double contact_radius_nm, double normal_force_nn, bool breaking,
+                 FrictionStep& step) const noexcept;
 
  private:
   template <bool kTangents>
-  FrictionStep moved(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
-                     double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept;
+  void moved(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
+             double contact_radius_nm, double normal_force_nn, bool breaking,
+             FrictionStep& step) const noexcept;
 
   FrictionParameters parameters_;
 };

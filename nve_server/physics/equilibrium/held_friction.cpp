@@ -3,13 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "telenano/common/base/renew.h"
+
 namespace telenano::physics {
 
 RubbedContact rubbed_contact(const PotentialSample& at) noexcept {
   RubbedContact c;
+  rubbed_contact(at, c);
+  return c;
+}
+
+void rubbed_contact(const PotentialSample& at, RubbedContact& c) noexcept {
+  renew(c);
   const ContactJet& place = at.place;
   const double steepness = place.overlap_grad.norm();
-  if (!(steepness > 0.0)) return c;
+  if (!(steepness > 0.0)) return;
   const double per = 1.0 / steepness;
   c.normal = -per * place.overlap_grad;
   // −(1 − n nᵀ) ∇∇δ/|∇δ|
@@ -19,12 +27,11 @@ RubbedContact rubbed_contact(const PotentialSample& at) noexcept {
   c.load_grad = steepness * (at.law.stiffness_n_m * place.overlap_grad +
                              at.law.mixed_nn * place.log_radius_grad_per_nm) +
                 at.other_load_grad_n_m - at.law.force_nn * along;  // ∇|∇δ| = −∇∇δ n
-  if (!(at.size.square_nm2 > 0.0)) return c;
+  if (!(at.size.square_nm2 > 0.0)) return;
   c.radius = std::sqrt(at.size.square_nm2);
   c.radius_grad = (at.size.by_overlap_nm * place.overlap_grad +
                    at.size.by_log_radius_nm2 * place.log_radius_grad_per_nm) /
                   (2.0 * c.radius);
-  return c;
 }
 
 Mat3 rubbing_tangent(const RubbedContact& c, const FrictionStep& rub, const Vec3& moved) noexcept {

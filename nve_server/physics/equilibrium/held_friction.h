@@ -16,6 +16,8 @@ struct RubbedContact {
   Vec3 load_grad = Vec3::Zero();
 };
 RubbedContact rubbed_contact(const PotentialSample& at) noexcept;
+/// Into `contact`, in place.
+void rubbed_contact(const PotentialSample& at, RubbedContact& contact) noexcept;
 
 /// −∂f/∂p of the bristle after a motion `moved`: not symmetric, since the limit follows the place, and f
 /// turns with the normal.

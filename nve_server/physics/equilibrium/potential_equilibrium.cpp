@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "telenano/common/base/renew.h"
 #include "telenano/nve_server/physics/equilibrium/potential_walk.h"
 
 namespace telenano::physics {
@@ -91,9 +92,9 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
   }
   walk.write(solution);
   if (!walk.finite() || !is_finite(solution.force_w_nn) || !std::isfinite(solution.potential_aj)) {
-    TipSolution none;
-    none.status = SolveStatus::kNonFinite;
-    return none;
+    renew(solution);
+    solution.status = SolveStatus::kNonFinite;
+    return solution;
   }
   solution.status = SolveStatus::kOk;
   walk.write(state);

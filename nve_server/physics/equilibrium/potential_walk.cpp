@@ -110,8 +110,8 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
     Mat3 inverse;
     const bool rubs = friction_ && at.size.square_nm2 > 0.0;
     if (rubs) {
-      touch = rubbed_contact(at);
-      rub = friction_->move(bristle_, touch.normal, q - p_, touch.radius, touch.load, false);
+      rubbed_contact(at, touch);
+      friction_->move(bristle_, touch.normal, q - p_, touch.radius, touch.load, false, rub);
       g -= springs_.to_frame(rub.force_w_nn);
       if (!positive_definite(springs_.hessian(at.hessian_n_m + rub.stiffness_n_m))) return false;
       inverse = inverse_of(springs_.hessian(at.hessian_n_m + rubbing_tangent(touch, rub, q - p_)));
@@ -133,10 +133,9 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
     const bool done = length < kStepDone || foreseen || by_rate || (last > 0.0 && length < kNoise);
     const Vec3 step_w = springs_.to_world(step);
     if (done && rubs) {
-      rest =
-          friction_->move_once(bristle_, (touch.normal + touch.turn * step_w).normalized(), q + step_w - p_,
-                               std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
-                               touch.load + touch.load_grad.dot(step_w), false);
+      friction_->move_once(bristle_, (touch.normal + touch.turn * step_w).normalized(), q + step_w - p_,
+                           std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
+                           touch.load + touch.load_grad.dot(step_w), false, rest);
     }
     // The kink where a contact begins to slide is nothing that a rate foresees.
     if (done && !(by_rate && rubs && rest.sliding != rub.sliding)) {

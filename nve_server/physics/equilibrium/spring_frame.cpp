@@ -41,15 +41,13 @@ Vec3 SpringFrame::rigid_part(const Vec3& v) const noexcept {
   return basis_w * y;
 }
 
-Vec3 SpringFrame::to_frame(const Vec3& force) const noexcept {
-  if (rank == 3) return force;
+Vec3 SpringFrame::given_force(const Vec3& force) const noexcept {
   Vec3 f = basis_w.transpose() * force;
   clear_rigid(f);
   return f;
 }
 
-Vec3 SpringFrame::gradient(const Vec3& stretch, const Vec3& of_sample) const noexcept {
-  if (rank == 3) return stiffness_n_m * stretch + of_sample;
+Vec3 SpringFrame::given_gradient(const Vec3& stretch, const Vec3& of_sample) const noexcept {
   Vec3 y = basis_w.transpose() * stretch;
   clear_rigid(y);
   Vec3 g = stiffness_n_m * y + basis_w.transpose() * of_sample;
@@ -57,8 +55,7 @@ Vec3 SpringFrame::gradient(const Vec3& stretch, const Vec3& of_sample) const noe
   return g;
 }
 
-Mat3 SpringFrame::hessian(const Mat3& of_sample) const noexcept {
-  if (rank == 3) return stiffness_n_m + of_sample;
+Mat3 SpringFrame::given_hessian(const Mat3& of_sample) const noexcept {
   Mat3 h = stiffness_n_m + basis_w.transpose() * of_sample * basis_w;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {

@@ -24,11 +24,18 @@ struct SpringFrame {
     for (int i = 0; i < 3; ++i) y[i] = i < rank ? y[i] : 0.0;
   }
   Vec3 to_world(const Vec3& y) const noexcept { return rank == 3 ? y : Vec3(basis_w * y); }
-  Vec3 to_frame(const Vec3& force_w_nn) const noexcept;
+  Vec3 to_frame(const Vec3& force_w_nn) const noexcept {
+    return rank == 3 ? force_w_nn : given_force(force_w_nn);
+  }
 
   /// Gradient and Hessian in the frame of ½ s·K s + U at the stretch s = apex − free end.
-  Vec3 gradient(const Vec3& stretch_w_nm, const Vec3& of_sample_nn) const noexcept;
-  Mat3 hessian(const Mat3& of_sample_n_m) const noexcept;
+  Vec3 gradient(const Vec3& stretch_w_nm, const Vec3& of_sample_nn) const noexcept {
+    return rank == 3 ? Vec3(stiffness_n_m * stretch_w_nm + of_sample_nn)
+                     : given_gradient(stretch_w_nm, of_sample_nn);
+  }
+  Mat3 hessian(const Mat3& of_sample_n_m) const noexcept {
+    return rank == 3 ? Mat3(stiffness_n_m + of_sample_n_m) : given_hessian(of_sample_n_m);
+  }
   double energy_aj(const Vec3& stretch_w_nm) const noexcept;
   /// The springs' force on the tip; in rigid directions the one that holds against `of_sample_nn`.
   Vec3 force_nn(const Vec3& stretch_w_nm, const Vec3& of_sample_nn) const noexcept;
@@ -39,6 +46,10 @@ struct SpringFrame {
   }
 
  private:
+  // Where some directions are rigid.
+  Vec3 given_force(const Vec3& force_w_nn) const noexcept;
+  Vec3 given_gradient(const Vec3& stretch_w_nm, const Vec3& of_sample_nn) const noexcept;
+  Mat3 given_hessian(const Mat3& of_sample_n_m) const noexcept;
   Mat3 given(const Mat3& of_sample_n_m) const noexcept;
 };
 

@@ -66,6 +66,7 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
       free_end_(free_end),
       start_u_(from.tip_centre_w_nm - free_end),
       drag_n_m_(model.parameters.drag_n_s_m / dt_s),
+      law_(from.contacts[kTipParticle].law),
       asleep_(asleep) {
   best_->y.head<3>() = start_u_;
   for (int i = 0; i < kParticleContacts; ++i) {
@@ -109,7 +110,9 @@ bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noe
   contact.normal_w = steepness > 0.0 ? Vec3(-at.place.overlap_grad / steepness) : Vec3(Vec3::UnitZ());
   contact.push_w_nn = -at.gradient_nn;
   contact.hessian_n_m = at.hessian_n_m;
-  contact.radius_nm = det_exp(at.place.log_radius);
+  const ParticleModel::LevelGround& level = model_.level[i];
+  contact.radius_nm =
+      at.place.log_radius == level.log_radius ? level.radius_nm : det_exp(at.place.log_radius);
   const bool attracts = ground.potential().law().parameters().van_der_waals;
   const Branch outer = attracts ? Branch::kVanDerWaals : Branch::kFree;
   Equilibrium& law = contact.law;
@@ -155,11 +158,11 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       const double distance = (particle - tip).norm();
       if (!(distance > kNearestCentres * (p.tip_radius_nm + lever))) return;
       contact.normal_w = (particle - tip) / distance;
-      contact.bend_1_per_nm = (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / distance;
+      contact.distance_nm = distance;
       contact.radius_nm = model_.nominal_radius_nm[i];
-      held.law.branch = held.branch;  // the cache alone goes on from trial to trial
+      law_.branch = held.branch;  // the cache alone goes on from trial to trial
       const double overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
-      contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, held.law);
+      contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, law_);
       if (contact.law.status != SolveStatus::kOk) return;
       contact.push_w_nn = contact.law.force_nn * contact.normal_w;
     } else if (!lean(i, i == kTipSample ? tip : particle, contact)) {
@@ -173,18 +176,18 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
     if (held.slide.acts()) {
       Vec3 slip = d - n * n.dot(d);
       if (turns) slip += lever * n.cross(turn);
-      contact.slide = respond(held.slide, held.slide_nm + slip);
+      respond(held.slide, held.slide_nm + slip, contact.slide);
     } else {
       renew(contact.slide);
     }
     const Vec3 spin = turns ? Vec3(n * n.dot(turn)) : Vec3(Vec3::Zero());
     if (turns && held.roll.acts()) {
-      contact.roll = respond(held.roll, held.roll_rad + turn - spin);
+      respond(held.roll, held.roll_rad + turn - spin, contact.roll);
     } else {
       renew(contact.roll);
     }
     if (turns && held.spin.acts()) {
-      contact.spin = respond(held.spin, held.spin_rad + spin);
+      respond(held.spin, held.spin_rad + spin, contact.spin);
     } else {
       renew(contact.spin);
     }
@@ -232,7 +235,11 @@ ParticleBalance::Mat9 ParticleBalance::hessian(const Trial& trial, bool convex) 
       relative = convex ? bent_upwards(contact.hessian_n_m, held.stiffest_n_m) : contact.hessian_n_m;
     } else {
       relative = stiffness * contact.normal_w * contact.normal_w.transpose();
-      if (!convex || force < 0.0) relative += force * contact.bend_1_per_nm;  // ∇²δ bends downwards
+      if (!convex || force < 0.0) {  // ∇²δ bends downwards
+        const Mat3 bend_1_per_nm =
+            (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / contact.distance_nm;
+        relative += force * bend_1_per_nm;
+      }
     }
 
     const Vec3& n = held.normal_w;
@@ -386,14 +393,15 @@ void ParticleBalance::hold(bool first) noexcept {
     const ParticleContactMemory& memory = from_.contacts[i];
     Held& held = held_[i];
     const ContactTrial& now = best_->contacts[i];
-    if (first) {
-      held.law = memory.law;
-      held.branch = memory.law.branch;
+    if (first) held.branch = memory.law.branch;
+    if (held.radius_nm != now.radius_nm) {
+      held.radius_nm = now.radius_nm;
+      const ParticleModel::LevelGround& level = model_.level[i];
+      held.at = held.radius_nm == level.radius_nm ? level.at : model_.at_radius(i, held.radius_nm);
     }
-    held.radius_nm = now.radius_nm;
     held.normal_w = unit(now.normal_w);
     held.contact_radius_nm = first ? memory.contact_radius_nm : now.law.contact_radius_nm;
-    const ContactScales scales = model_.laws[i].scales(held.radius_nm);
+    const ContactScales& scales = held.at.scales;
     held.stiffest_n_m = kSteepest * scales.force_nn / scales.overlap_nm;
     if (first && i != kTipSample) floor_nn_ += scales.force_nn;
     held.lost = held.lost || memory.contact_radius_nm == 0.0 || held.contact_radius_nm == 0.0;
@@ -408,10 +416,8 @@ void ParticleBalance::hold(bool first) noexcept {
     if (i == kTipSample) continue;
     held.spin = {16.0 / 3.0 * friction.shear_modulus_gpa * a * a * a,
                  2.0 / 3.0 * friction.shear_strength_gpa * kPi * a * a * a};
-    const double relative = held.radius_nm / model_.nominal_radius_nm[i];
-    const double cbrt = relative == 1.0 ? 1.0 : det_cbrt(relative);
-    const double spread = a / (model_.zero_load_radius_nm[i] * cbrt * cbrt);
-    const double rolling_nn = 4.0 * model_.pull_off_nn[i] * relative * spread * std::sqrt(spread);
+    const double spread = a / held.at.zero_load_radius_nm;
+    const double rolling_nn = 4.0 * model_.pull_off_nn[i] * held.at.relative * spread * std::sqrt(spread);
     held.roll = {rolling_nn * held.radius_nm, rolling_nn * friction.rolling_length_nm};
     held.roll_rad = transported(carried_over(memory.roll_rad, memory.roll_stiffness, held.roll.stiffness),
                                 memory.normal_w, held.normal_w);
@@ -502,7 +508,7 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
     ParticleContactMemory& memory = state.contacts[i];
     const ContactTrial& now = best_->contacts[i];
     const Held& held = held_[i];
-    memory.law = held.law;
+    if (!on_ground(i)) memory.law = law_;
     memory.law.branch = now.law.branch;
     memory.law.overlap_nm = now.law.overlap_nm;
     if (on_ground(i)) {

@@ -50,12 +50,12 @@ class ParticleBalance {
 
   struct ContactTrial {
     Equilibrium law;
-    Vec3 normal_w = Vec3::UnitZ();      ///< −∇δ
-    Mat3 bend_1_per_nm = Mat3::Zero();  ///< ∇²δ, between tip and particle
-    Vec3 push_w_nn = Vec3::Zero();      ///< on the upper body, without friction: −∇U
-    Mat3 hessian_n_m = Mat3::Zero();    ///< on the ground: ∇∇U
-    PotentialBranch place;              ///< on the ground: the branch that U is of
-    double radius_nm = 0;               ///< effective, at this place
+    Vec3 normal_w = Vec3::UnitZ();    ///< −∇δ
+    double distance_nm = 0;           ///< of the centres, between tip and particle
+    Vec3 push_w_nn = Vec3::Zero();    ///< on the upper body, without friction: −∇U
+    Mat3 hessian_n_m = Mat3::Zero();  ///< on the ground: ∇∇U
+    PotentialBranch place;            ///< on the ground: the branch that U is of
+    double radius_nm = 0;             ///< effective, at this place
     BristleResponse slide, roll, spin;
   };
   struct Trial {
@@ -77,7 +77,8 @@ class ParticleBalance {
   double drag_loss_aj() const noexcept;
   /// Slip, and what bristles lose that get stiffer, softer or lose their contact.
   double friction_loss_aj() const noexcept;
-  /// Writes what is to be remembered.
+  /// Writes what is to be remembered into the state that the step began from. Of the ground's two contacts nothing
+  /// of the law's cache moves.
   void store(ParticleState& state) const noexcept;
 
  private:
@@ -86,8 +87,8 @@ class ParticleBalance {
     double radius_nm = 0;
     double contact_radius_nm = 0;
     Vec3 normal_w = Vec3::UnitZ();
-    double stiffest_n_m = 0;  // bounds a fold's infinite slope
-    TipSampleState law;
+    double stiffest_n_m = 0;        // bounds a fold's infinite slope
+    ParticleModel::AtRadius at;     // radius_nm
     Branch branch = Branch::kFree;  // that trials start from
     PotentialBranch place;          // the same
     CurveHint hint;
@@ -118,6 +119,7 @@ class ParticleBalance {
   Vec3 start_u_;
   double drag_n_m_;
   double floor_nn_ = 0;
+  TipSampleState law_;  // of tip and particle; its cache goes on from trial to trial
   std::array<Held, kParticleContacts> held_;
   Trial trials_[2];
   Trial *best_ = &trials_[0], *trial_ = &trials_[1];  // exchanged, not copied: a trial is some kB

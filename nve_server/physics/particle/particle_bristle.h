@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 
+#include "telenano/common/base/renew.h"
 #include "telenano/common/base/vec3.h"
 
 namespace telenano::physics {
@@ -32,9 +33,9 @@ struct BristleResponse {
   bool slips = false;
 };
 
-inline BristleResponse respond(const Bristle& bristle, const Vec3& trial) noexcept {
-  BristleResponse out;
-  if (!bristle.acts()) return out;
+inline void respond(const Bristle& bristle, const Vec3& trial, BristleResponse& out) noexcept {
+  renew(out);
+  if (!bristle.acts()) return;
   const double k = bristle.stiffness;
   const double reach = bristle.limit / k;
   const double length = trial.norm();
@@ -43,7 +44,7 @@ inline BristleResponse respond(const Bristle& bristle, const Vec3& trial) noexce
     out.force = k * trial;
     out.stored = out.envelope = 0.5 * k * length * length;
     out.tangent = k * Mat3::Identity();
-    return out;
+    return;
   }
   const Vec3 along = trial / length;
   out.slips = true;
@@ -53,6 +54,11 @@ inline BristleResponse respond(const Bristle& bristle, const Vec3& trial) noexce
   out.dissipated = bristle.limit * (length - reach);
   out.envelope = out.stored + out.dissipated;
   out.tangent = (bristle.limit / length) * (Mat3::Identity() - along * along.transpose());
+}
+
+inline BristleResponse respond(const Bristle& bristle, const Vec3& trial) noexcept {
+  BristleResponse out;
+  respond(bristle, trial, out);
   return out;
 }
 

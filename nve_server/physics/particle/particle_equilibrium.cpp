@@ -6,6 +6,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
+#include "telenano/common/base/renew.h"
 #include "telenano/nve_server/physics/particle/particle_balance.h"
 
 namespace telenano::physics {
@@ -91,7 +92,6 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
   tip.contact_radius_nm = main.contact_radius_nm;
   tip.stiffness_n_m = main.stiffness_n_m;
   tip.potential_aj = state.potential_aj;
-  tip.jumps += balance.jumps();
 }
 
 }  // namespace
@@ -159,14 +159,22 @@ ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcep
 
 ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compliance& compliance, double dt_s,
                                               ParticleState& state) const noexcept {
+  ParticleState now = state;
   ParticleSolution out;
+  advance_in_place(free_end, compliance, dt_s, now, out);
+  if (out.status == SolveStatus::kOk) state = now;
+  return out;
+}
+
+void ParticleEquilibrium::advance_in_place(const Vec3& free_end, const Compliance& compliance, double dt_s,
+                                           ParticleState& now, ParticleSolution& out) const noexcept {
+  renew(out);
   const auto refuse = [&out](SolveStatus status) {
     const int substeps = out.substeps, iterations = out.iterations;
-    out = ParticleSolution{};
+    renew(out);
     out.status = out.tip.status = status;
     out.substeps = substeps;
     out.iterations = out.tip.iterations = iterations;
-    return out;
   };
   if (!is_finite(free_end) || !compliance.allFinite() || !std::isfinite(dt_s) || !(dt_s > 0.0)) {
     return refuse(SolveStatus::kNonFinite);
@@ -177,8 +185,8 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
   if (!spring.allFinite() || !(spring.diagonal().minCoeff() > 0.0)) return refuse(SolveStatus::kNonFinite);
 
   const Vec3 target = free_end + Vec3(0.0, 0.0, model_.parameters.tip_radius_nm);
-  ParticleState now = state;
-  if (!now.started) {
+  const bool started = now.started;
+  if (!started) {
     now.tip_centre_w_nm = target;  // nobody carried it here: no work, no loss
     now.tip_force_w_nn.setZero();
   }
@@ -231,8 +239,7 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
     if (!asleep) {
       const double moved = (now.particle_centre_w_nm - lay).norm() +
                            (now.turned_w_rad - lay_turned).norm() * model_.parameters.particle_radius_nm;
-      now.sleep.asleep =
-          state.started && moved < kStill_nm && rests(balance) && left_alone(balance, kFallsAsleep);
+      now.sleep.asleep = started && moved < kStill_nm && rests(balance) && left_alone(balance, kFallsAsleep);
     }
     const Vec3 force = now.tip_force_w_nn;
     const double after = now.potential_aj + spring_energy(force, soft);
@@ -242,21 +249,20 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
     const double error = 0.5 * std::abs((force - force_before).dot(next - end)) +
                          kEnergyRounding * (std::abs(before) + std::abs(after));
     const bool fell = balance.jumps() > 0 || balance.unstable() || rest > error;
-    if (state.started) {
+    if (started) {
       out.friction_loss_aj += friction;
       out.drag_loss_aj += drag;
       if (fell) out.jump_loss_aj += std::max(0.0, rest);
     }
     end = next;
     done = last ? 1.0 : done + part;
-    describe(model_, balance, now, out);
+    out.tip.jumps += balance.jumps();
+    if (!(done < 1.0)) describe(model_, balance, now, out);
   }
   out.dissipated_aj = out.friction_loss_aj + out.drag_loss_aj + out.jump_loss_aj;
   out.turned_w_rad = now.turned_w_rad - turned_before;
   out.tip.dissipated_aj = out.dissipated_aj;
   out.tip.iterations = out.iterations;
-  state = now;
-  return out;
 }
 
 }  // namespace telenano::physics

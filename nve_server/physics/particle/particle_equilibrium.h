@@ -98,6 +98,9 @@ class ParticleEquilibrium {
   /// kOk, `state` is left as it was and the force is zero.
   ParticleSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, double dt_s,
                            ParticleState& state) const noexcept;
+  /// The same in place, without copies: `state` means nothing unless the status is kOk.
+  void advance_in_place(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, double dt_s,
+                        ParticleState& state, ParticleSolution& out) const noexcept;
 
   static void wake(ParticleState& state) noexcept { state.sleep.asleep = false; }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
 
 namespace telenano::physics {
@@ -60,6 +61,21 @@ ParticleModel::ParticleModel(std::shared_ptr<const Surface> the_surface, const P
                       std::to_string(smaller) + " nm");
     }
   }
+  for (int i = 0; i < kParticleContacts; ++i) {
+    level[i].log_radius = det_log(nominal_radius_nm[i]);
+    // Between tip and particle no field says it.
+    level[i].radius_nm = i == kTipParticle ? nominal_radius_nm[i] : det_exp(level[i].log_radius);
+    level[i].at = at_radius(i, level[i].radius_nm);
+  }
+}
+
+ParticleModel::AtRadius ParticleModel::at_radius(int contact, double radius_nm) const noexcept {
+  AtRadius at;
+  at.scales = laws[contact].scales(radius_nm);
+  at.relative = radius_nm / nominal_radius_nm[contact];
+  const double cbrt = at.relative == 1.0 ? 1.0 : det_cbrt(at.relative);
+  at.zero_load_radius_nm = zero_load_radius_nm[contact] * cbrt * cbrt;
+  return at;
 }
 
 ZeroLoad zero_load(const TipSampleLaw& law, double radius_nm) noexcept {

@@ -43,6 +43,20 @@ struct ParticleModel {
   std::array<ContactFriction, kParticleContacts> friction;
   // At one radius, from which they are scaled.
   std::array<double, kParticleContacts> nominal_radius_nm{};
+  /// Of a contact at a radius: how the law's numbers become nm and nN, a₀, and the radius over the nominal one.
+  struct AtRadius {
+    ContactScales scales;
+    double zero_load_radius_nm = 0;
+    double relative = 1;
+  };
+  AtRadius at_radius(int contact, double radius_nm) const noexcept;
+  /// On level ground each evaluation has this ρ: what follows from it is found once.
+  struct LevelGround {
+    double log_radius = 0;
+    double radius_nm = 0;  ///< e^ρ, not quite the nominal one
+    AtRadius at;
+  };
+  std::array<LevelGround, kParticleContacts> level;
   std::array<double, kParticleContacts> pull_off_nn{};
   std::array<double, kParticleContacts> zero_load_radius_nm{};  ///< a₀
 };

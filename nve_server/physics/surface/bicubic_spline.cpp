@@ -168,20 +168,19 @@ double BicubicSpline::node_value(int column, int row) const noexcept {
   return (line(row - 1) + 4.0 * line(row) + line(row + 1)) / 36.0;
 }
 
-void BicubicSpline::node_values(int column, int row, int count, double* value) const noexcept {
-  const double* const low = &coefficients_[offset(column - 1, row - 1)];
-  const double* const here = low + stride_;
-  const double* const high = here + stride_;
-  const auto line = [](const double* c, int i) { return c[i] + 4.0 * c[i + 1] + c[i + 2]; };
-  for (int i = 0; i < count; ++i) value[i] = (line(low, i) + 4.0 * line(here, i) + line(high, i)) / 36.0;
+void BicubicSpline::row_sums(int column, int row, int count, double* sum) const noexcept {
+  const double* const c = &coefficients_[offset(column - 1, row)];
+  for (int i = 0; i < count; ++i) sum[i] = c[i] + 4.0 * c[i + 1] + c[i + 2];
 }
 
-void BicubicSpline::raise(int column, int row, int count, const double* level, double per_level) noexcept {
+// changed_to(i, coefficient), where the level is above 0.
+template <class ChangedTo>
+void BicubicSpline::change_row(int column, int row, int count, const double* level,
+                               const ChangedTo& changed_to) noexcept {
   const bool mirrored = row <= 1 || row >= rows_ - 2 || column <= 1 || column + count - 1 >= columns_ - 2;
   if (mirrored) {
     for (int i = 0; i < count; ++i) {
-      if (level[i] > 0.0)
-        set_coefficient(column + i, row, coefficient(column + i, row) + per_level * level[i]);
+      if (level[i] > 0.0) set_coefficient(column + i, row, changed_to(i, coefficient(column + i, row)));
     }
     return;
   }
@@ -191,11 +190,19 @@ void BicubicSpline::raise(int column, int row, int count, const double* level, d
   for (int i = 0; i < count; ++i) {
     if (!(level[i] > 0.0)) continue;
     const std::uint64_t place = first + static_cast<std::size_t>(i);
-    const double raised = line[i] + per_level * level[i];
-    change += word_of(place, raised) - word_of(place, line[i]);
-    line[i] = raised;
+    const double changed = changed_to(i, line[i]);
+    change += word_of(place, changed) - word_of(place, line[i]);
+    line[i] = changed;
   }
   changes_ += change;
+}
+
+void BicubicSpline::raise(int column, int row, int count, const double* level, double per_level) noexcept {
+  change_row(column, row, count, level, [&](int i, double c) { return c + per_level * level[i]; });
+}
+
+void BicubicSpline::lower(int column, int row, int count, const double* level, const double* fall) noexcept {
+  change_row(column, row, count, level, [&](int i, double c) { return c - fall[i]; });
 }
 
 int BicubicSpline::column_of(double x_nm) const noexcept {

@@ -64,11 +64,13 @@ class BicubicSpline {
   /// 0: all as they were made.
   std::uint64_t changes_digest() const noexcept { return changes_; }
   double node_value(int column, int row) const noexcept;
-  /// Of `count` nodes in a row, from `column` on; the bits are those of node_value().
-  void node_values(int column, int row, int count, double* value) const noexcept;
+  /// Of `count` columns in a row of coefficients (-1 to rows()), from `column` on: what it gives to its nodes.
+  void row_sums(int column, int row, int count, double* sum) const noexcept;
   /// Each of `count` coefficients in a row, from `column` on, rises by per_level · level where its level is above
   /// 0, as if each were set.
   void raise(int column, int row, int count, const double* level, double per_level) noexcept;
+  /// The same, where each falls by a height of its own.
+  void lower(int column, int row, int count, const double* level, const double* fall) noexcept;
 
   double x_first_nm() const noexcept { return x_first_; }
   double y_first_nm() const noexcept { return y_first_; }
@@ -82,6 +84,8 @@ class BicubicSpline {
            static_cast<std::size_t>(column + 1);
   }
   double& at(int column, int row) noexcept { return coefficients_[offset(column, row)]; }
+  template <class ChangedTo>
+  void change_row(int column, int row, int count, const double* level, const ChangedTo& changed_to) noexcept;
   void mirror_ends() noexcept;
   struct Place {
     const double* coefficients;  // the first of the cell's 4×4
@@ -96,6 +100,41 @@ class BicubicSpline {
   int stride_;                        // columns + 2: one more at either end
   std::vector<double> coefficients_;  // padded, so that a cell's 4×4 are always there
   std::uint64_t changes_ = 0;         // Σ of (words of place and new bits) less (of place and old bits)
+};
+
+/// Values of nodes, row after row: each row of coefficients is summed along itself once, for the three rows of
+/// nodes that it reaches. The bits are those of node_value().
+class NodeRows {
+ public:
+  static constexpr int kMost = 128;  ///< columns
+
+  /// Of `count` <= kMost columns from `column` on, first of `row`.
+  NodeRows(const BicubicSpline& spline, int column, int count, int row) noexcept
+      : spline_(spline), column_(column), count_(count), row_(row) {
+    spline_.row_sums(column_, row_ - 1, count_, low_);
+    spline_.row_sums(column_, row_, count_, here_);
+    spline_.row_sums(column_, row_ + 1, count_, high_);
+  }
+  /// Of the row where it is, `count` columns from `first` of its own on.
+  void values(int first, int count, double* value) const noexcept {
+    for (int i = 0; i < count; ++i)
+      value[i] = (low_[first + i] + 4.0 * here_[first + i] + high_[first + i]) / 36.0;
+  }
+  /// To the next row, of those that the spline has.
+  void next() noexcept {
+    double* const spare = low_;
+    low_ = here_;
+    here_ = high_;
+    high_ = spare;
+    ++row_;
+    if (row_ < spline_.rows()) spline_.row_sums(column_, row_ + 1, count_, high_);
+  }
+
+ private:
+  const BicubicSpline& spline_;
+  int column_, count_, row_;
+  double sums_[3][kMost];
+  double *low_ = sums_[0], *here_ = sums_[1], *high_ = sums_[2];
 };
 
 }  // namespace telenano::physics

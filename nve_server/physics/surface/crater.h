@@ -15,9 +15,8 @@ inline constexpr double kCraterShare = 8.0 / 15.0;
 
 inline double crater_level(double xi, double eta) noexcept {
   const double rho_sq = xi * xi + eta * eta;
-  if (!(rho_sq < 1.0)) return 0.0;
   const double rest = 1.0 - rho_sq * rho_sq;
-  return rest * rest;
+  return rho_sq < 1.0 ? rest * rest : 0.0;  // a choice, no branch: several at once
 }
 
 /// What is piled up round it: ((ρ² − 1)(4 − ρ²))² for 1 < ρ < 2, scaled by who uses it.

@@ -6,18 +6,39 @@
 
 namespace telenano::physics {
 
-/// heap_level() over rows of coefficients that are gone through twice in the same order: to sum, and to raise.
-/// ξ is found once for a column, a row's levels in one loop without branches, and the second time they are
-/// still there, as many as there is room for. The bits are those of heap_level().
-class HeapRows {
+/// ξ of a mark's columns, found once for each column and not again in each row.
+template <class XiOf>
+class ColumnPlaces {
  public:
   static constexpr int kBlock = 128;  ///< most columns at once
 
-  template <class XiOf>
-  HeapRows(int first_column, int last_column, const XiOf& xi_of) noexcept
-      : first_(first_column), end_(first_column + std::min(kBlock, last_column + 1 - first_column)) {
+  ColumnPlaces(int first_column, int last_column, const XiOf& xi_of) noexcept
+      : xi_of_(xi_of),
+        first_(first_column),
+        end_(first_column + std::min(kBlock, last_column + 1 - first_column)) {
     for (int i = first_; i < end_; ++i) xi_[i - first_] = xi_of(i);
   }
+
+  /// Of `count` <= kBlock columns from `column` on; good until the next call.
+  const double* of(int column, int count) noexcept {
+    if (column >= first_ && column + count <= end_) return xi_ + (column - first_);
+    for (int i = 0; i < count; ++i) spare_[i] = xi_of_(column + i);
+    return spare_;
+  }
+
+ private:
+  const XiOf& xi_of_;
+  int first_, end_;
+  double xi_[kBlock];
+  double spare_[kBlock];
+};
+
+/// heap_level() over rows of coefficients that are gone through twice in the same order: to sum, and to raise.
+/// A row's levels are found in one loop without branches, and the second time they are still there, as many as
+/// there is room for. The bits are those of heap_level().
+class HeapRows {
+ public:
+  static constexpr int kBlock = 128;  ///< most columns at once
 
   /// From here on the same rows come again.
   void again() noexcept {
@@ -27,7 +48,7 @@ class HeapRows {
 
   /// Levels of `count` <= kBlock columns from `column` on; good until the next call.
   template <class XiOf>
-  const double* levels(int column, int count, double eta, const XiOf& xi_of) noexcept {
+  const double* levels(int column, int count, double eta, ColumnPlaces<XiOf>& columns) noexcept {
     if (again_ && next_ + count <= filled_) {
       const double* const kept = kept_ + next_;
       next_ += count;
@@ -41,14 +62,7 @@ class HeapRows {
         filled_ += count;
       }
     }
-    const double eta_sq = eta * eta;
-    if (column >= first_ && column + count <= end_) {
-      fill(xi_ + (column - first_), count, eta_sq, out);
-    } else {
-      double xi[kBlock];
-      for (int i = 0; i < count; ++i) xi[i] = xi_of(column + i);
-      fill(xi, count, eta_sq, out);
-    }
+    fill(columns.of(column, count), count, eta * eta, out);
     return out;
   }
 
@@ -66,10 +80,8 @@ class HeapRows {
     }
   }
 
-  int first_, end_;
   bool again_ = false, full_ = false;
   int filled_ = 0, next_ = 0;
-  double xi_[kBlock];
   double spare_[kBlock];
   double kept_[kRoom];
 };

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 
+#include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/physics/surface/field_stencil.h"
 
 namespace telenano::physics {
@@ -291,6 +292,21 @@ void ScanFields::blended(const Place& at, const Cell& finest_cell, const double 
   FieldRows rows;
   kernel_->blend(levels, count, finest, rows);
   contact_of(rows, z_nm, at.back_x, at.back_y, jet);
+}
+
+double ScanFields::largest_log_radius() const noexcept {
+  if (tiled()) return det_log(kMostRadii * radius_);
+  double most = -HUGE_VAL;
+  const auto look = [&](const Grid& grid) {
+    const double* const all = grid.made.get();
+    for (std::size_t i = 0; i < grid.size(); i += static_cast<std::size_t>(grid.lanes)) {
+      most = std::max(most, all[i + 1]);
+      if (grid.lanes == kLanes) most = std::max(most, all[i + 4]);
+    }
+  };
+  for (const Grid& grid : grids_) look(grid);
+  for (const Layer& layer : layers_) look(layer.grid);
+  return most;
 }
 
 }  // namespace telenano::physics

@@ -176,7 +176,7 @@ class ScanFields final : public ContactFields {
   static constexpr int kLanes = 6;  // H, ρ, c of the even level, then of the odd one
   static constexpr int kTile = 16;  // coefficients along a side
   struct Release {
-    void operator()(double* p) const noexcept { std::free(p); }
+    void operator()(void* p) const noexcept { std::free(p); }
   };
   class Tiles;
   struct Grid {
@@ -193,6 +193,11 @@ class ScanFields final : public ContactFields {
     std::unique_ptr<double[], Release> own_whole;
     std::unique_ptr<surface::ReservedMemory> own_tiles;
     double* own = nullptr;
+    // What the digest counts of each coefficient in `own`, kept: a mark changes a coefficient again and again, and its
+    // word takes longer than the change. Right wherever a tile is `copied`.
+    std::unique_ptr<std::uint64_t[], Release> words_whole;
+    std::unique_ptr<surface::ReservedMemory> words_tiles;
+    std::uint64_t* words = nullptr;
     std::vector<std::uint8_t> copied, usable;
     int tiles_across = 0;
     std::uint64_t digest = 0;  // Σ of (words of place and new bits) less (of place and old bits)
@@ -223,7 +228,7 @@ class ScanFields final : public ContactFields {
     void each_line(std::size_t tile, const Use& use) const noexcept;
     void keep_tiles(StrokeHistory& history, std::size_t grid, int first_column, int last_column,
                     int first_row, int last_row) const noexcept;
-    /// Of a coefficient, by place and bits, of what marks may change.
+    /// Of a coefficient, by place and bits, of what marks may change: found anew.
     std::uint64_t word(std::size_t number) const noexcept;
     class Changing;
     template <class Found>
@@ -238,7 +243,9 @@ class ScanFields final : public ContactFields {
   static constexpr int kLayerLanes = 4;  // H, ρ, c, 0
   static constexpr std::size_t kMostTogether = 8;
   void press_alike(const Grid& one, const FieldMark& mark, double x, double y) noexcept;
+  class Pressing;
   void press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept;
+  void hold_up(std::size_t coarse, double x, double y) noexcept;
   const Layer* layer_of(double softening_nm) const noexcept;
   ScanFields() = default;
   /// All but the coefficients; the lattice of the coarsest grid.

@@ -19,6 +19,7 @@ namespace telenano::physics {
 namespace {
 
 constexpr double kLeastCells = 2.0;  // narrower a crater cannot be on the grid
+constexpr int kAtOnce = 64;
 constexpr int kTile = 16;
 constexpr int tiles_along(int nodes) noexcept {
   return (nodes + kTile - 1) / kTile;
@@ -35,7 +36,8 @@ bool SplineSurface::heap_up(double x, double y, double radius, double volume) no
   const int first_row = height_.row_of(y - reach), last_row = height_.row_of(y + reach);
   const int first_column = height_.column_of(x - reach), last_column = height_.column_of(x + reach);
   const auto xi_of = [&](int column) { return (height_.node_x_nm(column) - x) / radius; };
-  HeapRows heap(first_column, last_column, xi_of);
+  ColumnPlaces places(first_column, last_column, xi_of);
+  HeapRows heap;
   // In runs of columns, without the 16.
   const auto each = [&](const auto& use) {
     for (int row = first_row; row <= last_row; ++row) {
@@ -43,7 +45,7 @@ bool SplineSurface::heap_up(double x, double y, double radius, double volume) no
       const bool crosses = row >= at.row && row <= at.row + 3;
       for (int from = first_column; from <= last_column; from += HeapRows::kBlock) {
         const int count = std::min(HeapRows::kBlock, last_column + 1 - from);
-        const double* const level = heap.levels(from, count, eta, xi_of);
+        const double* const level = heap.levels(from, count, eta, places);
         if (!crosses) {
           use(from, row, count, level);
           continue;
@@ -149,16 +151,19 @@ void SplineSurface::press(const Mark& mark) noexcept {
   keep_tiles(height_.column_of(x - widest) - 1, height_.column_of(x + widest) + 1,
              height_.row_of(y - widest) - 1, height_.row_of(y + widest) + 1);
   double lost = 0;
+  ColumnPlaces places(first_column, last_column, xi_of);
   for (int row = first_row; row <= last_row; ++row) {
     const double eta = eta_of(row);
-    for (int column = first_column; column <= last_column; ++column) {
-      const double xi = xi_of(column);
-      const double level = crater_level(xi, eta);
-      const double fall = level > 0.0 ? level * (a[0] + a[1] * xi + a[2] * eta) : 0.0;
-      if (level > 0.0) {
-        height_.set_coefficient(column, row, height_.coefficient(column, row) - fall);
-        lost += fall;
+    for (int from = first_column; from <= last_column; from += kAtOnce) {
+      const int count = std::min(kAtOnce, last_column + 1 - from);
+      const double* const xi = places.of(from, count);
+      double level[kAtOnce], fall[kAtOnce];
+      for (int i = 0; i < count; ++i) {
+        level[i] = crater_level(xi[i], eta);
+        fall[i] = level[i] * (a[0] + a[1] * xi[i] + a[2] * eta);
       }
+      for (int i = 0; i < count; ++i) lost += level[i] > 0.0 ? fall[i] : 0.0;
+      height_.lower(from, row, count, level, fall);
     }
   }
 
@@ -170,16 +175,23 @@ void SplineSurface::press(const Mark& mark) noexcept {
 
   // The nodes that these coefficients reach: one further in each direction.
   const double reach_sq = (reach + 1.4143 * cell_) * (reach + 1.4143 * cell_);
-  for (int row = clamped_row(low - 1); row <= clamped_row(high + 1); ++row) {
-    const double ey = height_.node_y_nm(row) - y;
-    const auto is_reached = [&](int column) {
-      const double ex = height_.node_x_nm(column) - x;
-      return !(ex * ex + ey * ey > reach_sq);
-    };
-    int from = clamped_column(left - 1), last = clamped_column(right + 1);
-    while (from <= last && !is_reached(from)) ++from;
-    while (last >= from && !is_reached(last)) --last;
-    store_nodes(from, row, last + 1 - from);
+  const int first_node = clamped_column(left - 1), last_node = clamped_column(right + 1);
+  for (int begin = first_node; begin <= last_node; begin += NodeRows::kMost) {
+    const int end = std::min(begin + NodeRows::kMost, last_node + 1);
+    NodeRows nodes(height_, begin, end - begin, clamped_row(low - 1));
+    for (int row = clamped_row(low - 1); row <= clamped_row(high + 1); ++row, nodes.next()) {
+      const double ey = height_.node_y_nm(row) - y;
+      const auto is_reached = [&](int column) {
+        const double ex = height_.node_x_nm(column) - x;
+        return !(ex * ex + ey * ey > reach_sq);
+      };
+      int from = begin, last = end - 1;
+      while (from <= last && !is_reached(from)) ++from;
+      while (last >= from && !is_reached(last)) --last;
+      double z_nm[NodeRows::kMost];
+      nodes.values(from - begin, last + 1 - from, z_nm);
+      store_row(from, row, last + 1 - from, z_nm);
+    }
   }
   marked_ = true;
   view_->publish();

@@ -50,14 +50,17 @@ void SplineSurface::store(int column, int row, double z_nm) noexcept {
   view_->store(column, row, z_nm);
 }
 
-void SplineSurface::store_nodes(int column, int row, int count) noexcept {
-  constexpr int kAtOnce = 64;
-  double z_nm[kAtOnce];
-  for (; count > 0; column += kAtOnce, count -= kAtOnce) {
-    const int some = std::min(count, kAtOnce);
-    height_.node_values(column, row, some, z_nm);
-    for (int i = 0; i < some; ++i) store(column + i, row, z_nm[i]);
+void SplineSurface::store_row(int column, int row, int count, const double* z_nm) noexcept {
+  // The extremes apart, in registers: between stores into the view each would wait for the one before in memory.
+  double low = lowest_, high = highest_;
+  for (int i = 0; i < count; ++i) {
+    low = std::min(low, z_nm[i]);
+    high = std::max(high, z_nm[i]);
   }
+  lowest_ = low;
+  highest_ = high;
+  std::copy_n(z_nm, count, heights_.begin() + static_cast<std::ptrdiff_t>(index(column, row)));
+  for (int i = 0; i < count; ++i) view_->store(column + i, row, z_nm[i]);
 }
 
 void SplineSurface::set_node(int column, int row, const Node& node) noexcept {

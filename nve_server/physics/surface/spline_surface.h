@@ -86,7 +86,7 @@ class SplineSurface final : public Surface {
            static_cast<std::size_t>(column);
   }
   void store(int column, int row, double z_nm) noexcept;
-  void store_nodes(int column, int row, int count) noexcept;  ///< from `column` on, as the spline has them
+  void store_row(int column, int row, int count, const double* z_nm) noexcept;  ///< from `column` on
   void keep_tiles(int left, int right, int low, int high) noexcept;
   template <class Use>
   void each_in_tile(std::size_t tile, const Use& use) noexcept;

@@ -44,8 +44,9 @@ enum class Wrong {
 
 class WrongTwin final : public control::LocalSlave {
  public:
-  WrongTwin(std::shared_ptr<const scene::Scene> scene, Wrong wrong)
-      : twin_(std::move(scene)), wrong_(wrong) {}
+  WrongTwin(std::shared_ptr<const scene::Scene> scene, Wrong wrong) : twin_(std::move(scene)), wrong_(wrong) {
+    past_.fill(Vec3::Zero());
+  }
 
   void step(const control::LocalStep& given, control::LocalAnswer& answer) noexcept override {
     control::LocalStep step = given;
@@ -105,7 +106,7 @@ class WrongTwin final : public control::LocalSlave {
   Wrong wrong_;
   std::uint64_t count_ = 0;
   control::LocalAnswer right_;
-  std::array<Vec3, 100> past_{};
+  std::array<Vec3, 100> past_;
 };
 
 Outcome with(const std::string& scene, Wrong wrong, const Link& link = {40, 0, 0, 0}) {

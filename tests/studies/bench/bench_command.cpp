@@ -173,7 +173,7 @@ void add_server(CLI::App& bench) {
       ->capture_default_str()
       ->check(CLI::Range(0.01, 60.0));
   c->add_option("--case", all->capacity.only, "Only this one")
-      ->check(CLI::IsMember({"flat", "flat_model", "scan", "scan_model"}));
+      ->check(CLI::IsMember({"flat", "flat_model", "scan", "scan_model", "reply_gate"}));
   CLI::Option* const sessions =
       c->add_option("--sessions", all->sessions, "Stations at --rate instead, for --seconds")
           ->check(CLI::Range(1, 4096));
@@ -220,7 +220,9 @@ void add_server(CLI::App& bench) {
       for (BenchRow& row : floor_rows(what, run_paced_echo(all->paced))) rows.push_back(std::move(row));
       print_rows("server", rows);
     } else {
-      print_rows("server", run_capacity_bench(all->capacity));
+      std::vector<BenchRow> rows = run_capacity_bench(all->capacity);
+      for (BenchRow& row : run_gate_bench(all->capacity)) rows.push_back(std::move(row));
+      print_rows("server", rows);
     }
   });
 }

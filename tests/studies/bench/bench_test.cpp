@@ -102,6 +102,19 @@ TEST(PacedLoad, TellsSecondsApartAndWhenAnAnswerWasDue) {
   EXPECT_FALSE(r.holds());
 }
 
+// It throws where a session leaves out another share than it should.
+TEST(GateBench, EachSessionLeavesOutWhatItShould) {
+  ServerBenchOptions options;
+  options.flat = kFlat;
+  options.only = "reply_gate";
+  options.rounds = 1;
+  const auto rows = run_gate_bench(options);
+  ASSERT_EQ(rows.size(), 3u);
+  for (const BenchRow& row : rows) EXPECT_TRUE(row.product > 0 && row.floor && *row.floor > 0) << row.what;
+  options.only = "flat";
+  EXPECT_TRUE(run_gate_bench(options).empty());
+}
+
 TEST(CodecBench, NothingIsRefusedAndNothingAllocated) {
   const auto rows = run_codec_bench(1);
   ASSERT_EQ(rows.size(), 4u);

@@ -27,6 +27,11 @@ struct ServerBenchOptions {
 /// scene's own step takes.
 std::vector<BenchRow> run_capacity_bench(const ServerBenchOptions& options);
 
+/// What the reply gate costs the server: processor time of an exchange without its socket, command in, reply out,
+/// beside the same commands of a session that has not agreed on leaving replies out. Three sessions: one that asks for
+/// every reply, one whose force changes by more than its deadband in each command, one whose force is always within.
+std::vector<BenchRow> run_gate_bench(const ServerBenchOptions& options);
+
 struct PacedOptions {
   std::string scene;
   std::size_t sessions = 200;

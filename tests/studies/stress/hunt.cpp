@@ -10,6 +10,7 @@
 
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
+#include "tests/studies/stress/wrong_wire.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -83,11 +84,24 @@ std::vector<RunSpec> calm_ground() {
   return runs;
 }
 
+/// Replies left out within a deadband: a fine one, and one that everything is within.
+std::vector<RunSpec> gated_ground() {
+  std::vector<RunSpec> runs;
+  for (const auto& [permille, n] : {std::pair{100.0, 0.02}, std::pair{1000.0, 100.0}}) {
+    for (RunSpec& spec : calm_ground()) {
+      spec.reply_permille = permille;
+      spec.reply_n = n;
+      runs.push_back(std::move(spec));
+    }
+  }
+  return runs;
+}
+
 Hunt hunt(Mutant mutant, const Scenes& scenes, std::uint64_t seed) {
   Hunt result;
   result.mutant = mutant;
   const control::Method method = mutant_info(mutant).method;
-  std::vector<RunSpec> runs = calm_ground();
+  std::vector<RunSpec> runs = WrongWire::is_gate(mutant) ? gated_ground() : calm_ground();
   for (RunSpec& spec : ground()) runs.push_back(std::move(spec));
   for (RunSpec& spec : runs) {
     if (!scenes.has(spec.scene)) continue;

@@ -48,8 +48,11 @@ enum Invariant : std::uint32_t {
   /// A row is what was: the hand's place when the tick began, the force that acts from then on, each tick
   /// once, in time (record_watch.h).
   kInvariantRecord = 1u << 18,
+  /// Of a run in which replies are left out: the last one that left the server still says what the slave does
+  /// (reply_watch.h).
+  kInvariantReplies = 1u << 19,
 };
-constexpr int kInvariants = 19;
+constexpr int kInvariants = 20;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 

@@ -224,6 +224,8 @@ MutantInfo mutant_info(Mutant mutant) noexcept {
     return {mutant, Method::kKsClamp};
   if (mutant == Mutant::kForgivingChange || mutant == Mutant::kGenerousChange)
     return {mutant, Method::kKsClamp};
+  // What the gate leaves out is seen best by what shows each reply as it is.
+  if (mutant >= Mutant::kGateCreeping) return {mutant, Method::kNone};
   // What is recorded does not depend on the method, but only some make a difference between wanted and acted.
   if (mutant >= Mutant::kRecordLate) return {mutant, Method::kKsClamp};
   // What the slave says is seen best by what shows it as it is.

@@ -10,8 +10,8 @@ namespace telenano::studies::stress {
 
 /// Controllers that are wrong in ways in which they have been got wrong before; a suite that does not find
 /// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices, as
-/// slaves (wrong_slave.h), as what is between server and station (wrong_wire.h), as recorders
-/// (record_watch.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
+/// slaves (wrong_slave.h), as what is between server and station (wrong_wire.h: codec, session, reply gate), as
+/// recorders (record_watch.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
 ///
 /// | name | what is wrong |
 /// |---|---|
@@ -63,6 +63,10 @@ namespace telenano::studies::stress {
 /// | record-gaps | recorder: every 500th row is missing |
 /// | record-single | recorder: positions in single precision |
 /// | record-swapped | recorder: x for z |
+/// | gate-creeping | reply gate: compares with the reply before, sent or not, and so leaves out a slow rise |
+/// | gate-silent | reply gate: no longest time between two replies |
+/// | gate-forgetful | reply gate: the energy of what was left out is not in the next reply |
+/// | gate-blind | reply gate: leaves out another contact state |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;
   control::Method method = control::Method::kModel;  ///< that it is made from

@@ -61,6 +61,21 @@ bool suits(const ProfileOptions& options, std::size_t turn, RunSpec& spec) {
   return true;
 }
 
+/// A field of a run, and the values that it takes.
+template <class Value>
+struct Axis {
+  Value RunSpec::*field;
+  std::vector<Value> values;
+};
+template <class Value>
+Axis<Value> over(Value RunSpec::*field, std::initializer_list<Value> values) {
+  return {field, values};
+}
+template <std::size_t kCount>
+Axis<double> over(double RunSpec::*field, const double (&values)[kCount]) {
+  return {field, {values, values + kCount}};
+}
+
 /// Collects the runs of a grid. Every section is a function of `base`; seeds come at the end.
 class Grid {
  public:
@@ -78,6 +93,17 @@ class Grid {
     spec.hand_b = hand.b;
     add(spec);
   }
+  /// Every combination of the axes' values, the last axis varying fastest, each with these hands.
+  void sweep(const RunSpec& spec, std::initializer_list<Hand> hands) {
+    for (const Hand& hand : hands) add(spec, hand);
+  }
+  template <class Axis, class... Rest>
+  void sweep(RunSpec spec, std::initializer_list<Hand> hands, const Axis& axis, const Rest&... rest) {
+    for (const auto value : axis.values) {
+      spec.*axis.field = value;
+      sweep(spec, hands, rest...);
+    }
+  }
   std::vector<RunSpec> specs;
 
  private:
@@ -86,123 +112,57 @@ class Grid {
 
 // Delay against bursts of loss: the survival map, and at no loss what is shown over the round trip.
 void survival(Grid& grid, RunSpec spec) {
-  for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide}) {
-    spec.scene = scene;
-    for (const double rtt : kRttMs) {
-      spec.rtt_ms = rtt;
-      for (const double loss : kLosses) {
-        spec.loss = loss;
-        for (const Hand& hand : {kHands[0], kHands[16], kHands[6], kHands[8]}) grid.add(spec, hand);
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[16], kHands[6], kHands[8]},
+             over(&RunSpec::scene, {SceneKind::kWall, SceneKind::kOxide}), over(&RunSpec::rtt_ms, kRttMs),
+             over(&RunSpec::loss, kLosses));
 }
 
 void bursts(Grid& grid, RunSpec spec) {
-  for (const double burst : {1.0, 5.0, 100.0, 500.0}) {
-    spec.burst_ms = burst;
-    for (const double loss : {0.1, 0.5}) {
-      spec.loss = loss;
-      for (const double rtt : {0.0, 20.0, 200.0}) {
-        spec.rtt_ms = rtt;
-        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::burst_ms, {1.0, 5.0, 100.0, 500.0}),
+             over(&RunSpec::loss, {0.1, 0.5}), over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}));
 }
 
 void rates(Grid& grid, RunSpec spec) {
-  for (const double rate : {500.0, 1000.0, 2000.0, 4000.0, 8000.0}) {
-    spec.rate_hz = rate;
-    for (const double rtt : {0.0, 20.0, 100.0}) {
-      spec.rtt_ms = rtt;
-      for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::rate_hz, {500.0, 1000.0, 2000.0, 4000.0, 8000.0}),
+             over(&RunSpec::rtt_ms, {0.0, 20.0, 100.0}));
 }
 
 void deaths(Grid& grid, RunSpec spec) {
-  for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms}) {
-    spec.scene = scene;
-    for (const Restart when : {Restart::kFree, Restart::kContact, Restart::kSnapIn}) {
-      spec.restart = when;
-      for (const double rtt : {0.0, 20.0, 200.0}) {
-        spec.rtt_ms = rtt;
-        for (const double down : {0.0, 1000.0}) {
-          spec.down_ms = down;
-          for (const Hand& hand : {kHands[0], kHands[14]}) grid.add(spec, hand);
-        }
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[14]},
+             over(&RunSpec::scene, {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms}),
+             over(&RunSpec::restart, {Restart::kFree, Restart::kContact, Restart::kSnapIn}),
+             over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}), over(&RunSpec::down_ms, {0.0, 1000.0}));
 }
 
 void outages(Grid& grid, RunSpec spec) {
   for (const double outage : {100.0, 300.0, 1000.0, 3000.0, 10000.0}) {
     spec.outage_ms = outage;
     spec.seconds = outage > 3000 ? 20 : 10;
-    for (const double rtt : {0.0, 20.0, 200.0}) {
-      spec.rtt_ms = rtt;
-      for (const SceneKind scene : {SceneKind::kWall, SceneKind::kPolystyrene}) {
-        spec.scene = scene;
-        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-      }
-    }
+    grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}),
+               over(&RunSpec::scene, {SceneKind::kWall, SceneKind::kPolystyrene}));
   }
 }
 
 void late_ticks(Grid& grid, RunSpec spec) {
-  for (const double late : {0.01, 0.1}) {
-    spec.late = late;
-    for (const double periods : {1.0, 10.0, 50.0}) {
-      spec.late_periods = periods;
-      for (const double rtt : {0.0, 50.0}) {
-        spec.rtt_ms = rtt;
-        for (const Hand& hand : {kHands[0], kHands[14], kHands[16]}) grid.add(spec, hand);
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[14], kHands[16]}, over(&RunSpec::late, {0.01, 0.1}),
+             over(&RunSpec::late_periods, {1.0, 10.0, 50.0}), over(&RunSpec::rtt_ms, {0.0, 50.0}));
 }
 
 void clocks(Grid& grid, RunSpec spec) {
-  for (const double rtt : {2.0, 100.0}) {
-    spec.rtt_ms = rtt;
-    for (const double ppm : {-200.0, 200.0}) {
-      spec.drift_ppm = ppm;
-      for (const double leap : {0.0, 10.0, 1000.0}) {
-        spec.leap_ms = leap;
-        grid.add(spec, kHands[0]);
-        grid.add(spec, kHands[19]);
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[19]}, over(&RunSpec::rtt_ms, {2.0, 100.0}),
+             over(&RunSpec::drift_ppm, {-200.0, 200.0}), over(&RunSpec::leap_ms, {0.0, 10.0, 1000.0}));
 }
 
 void disorder(Grid& grid, RunSpec spec) {
-  for (const double rtt : {20.0, 200.0}) {
-    spec.rtt_ms = rtt;
-    for (const double jitter : {0.1, 0.5, 1.0}) {
-      spec.jitter = jitter;
-      for (const double duplicate : {0.0, 0.2}) {
-        spec.duplicate = duplicate;
-        for (const double reorder : {0.0, 0.05, 0.2}) {
-          spec.reorder = reorder;
-          for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-        }
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::rtt_ms, {20.0, 200.0}),
+             over(&RunSpec::jitter, {0.1, 0.5, 1.0}), over(&RunSpec::duplicate, {0.0, 0.2}),
+             over(&RunSpec::reorder, {0.0, 0.05, 0.2}));
 }
 
 void spiteful_links(Grid& grid, RunSpec spec) {
-  for (const Drops drops : {Drops::kSpite, Drops::kFlatter, Drops::kStarve}) {
-    spec.drops = drops;
-    for (const double rtt : kRttMs) {
-      spec.rtt_ms = rtt;
-      for (const Hand& hand : {kHands[0], kHands[8], kHands[12], kHands[16], kHands[17]})
-        grid.add(spec, hand);
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[8], kHands[12], kHands[16], kHands[17]},
+             over(&RunSpec::drops, {Drops::kSpite, Drops::kFlatter, Drops::kStarve}),
+             over(&RunSpec::rtt_ms, kRttMs));
 }
 
 using Playout = link::PlayoutConfig::Mode;
@@ -220,10 +180,7 @@ void play_outs(Grid& grid, RunSpec spec) {
       for (const double jitter : {0.0, 0.5}) {
         spec.jitter = jitter;
         spec.playout_ms = enough_ms(spec);
-        for (const double loss : {0.0, 0.1}) {
-          spec.loss = loss;
-          for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-        }
+        grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::loss, {0.0, 0.1}));
       }
     }
   }
@@ -231,29 +188,16 @@ void play_outs(Grid& grid, RunSpec spec) {
 
 void repeated_commands(Grid& grid, RunSpec spec) {
   spec.rtt_ms = 20;
-  for (const double redundancy : {1.0, 4.0}) {
-    spec.redundancy = redundancy;
-    for (const double loss : {0.1, 0.5}) {
-      spec.loss = loss;
-      for (const double burst : {1.0, 5.0, 20.0}) {
-        spec.burst_ms = burst;
-        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::redundancy, {1.0, 4.0}),
+             over(&RunSpec::loss, {0.1, 0.5}), over(&RunSpec::burst_ms, {1.0, 5.0, 20.0}));
 }
 
 void deadbands(Grid& grid, RunSpec spec) {
   for (const auto& [nm, n] : {std::pair{0.05, 0.0}, std::pair{0.2, 0.02}, std::pair{2.0, 0.2}}) {
     spec.deadband_nm = nm;
     spec.deadband_n = n;
-    for (const double rtt : {0.0, 20.0, 200.0}) {
-      spec.rtt_ms = rtt;
-      for (const double loss : {0.0, 0.1}) {
-        spec.loss = loss;
-        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
-      }
-    }
+    grid.sweep(spec, {kHands[0], kHands[16]}, over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}),
+               over(&RunSpec::loss, {0.0, 0.1}));
   }
 }
 
@@ -288,46 +232,27 @@ void acts(Grid& grid, RunSpec spec) {
        {Act::kScale, Act::kImpedance, Act::kMethod, Act::kClutch, Act::kStop, Act::kTask, Act::kTakeOver}) {
     if (act == Act::kMethod && !control::claims_energy_bound(spec.method)) continue;
     spec.act = act;
-    for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
-      spec.scene = scene;
-      for (const double rtt : {0.0, 20.0, 200.0}) {
-        spec.rtt_ms = rtt;
-        for (const double loss : {0.0, 0.1}) {
-          spec.loss = loss;
-          for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16]})
-            grid.add(spec, hand);
-        }
-      }
-    }
+    grid.sweep(
+        spec, {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16]},
+        over(&RunSpec::scene, {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}),
+        over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}), over(&RunSpec::loss, {0.0, 0.1}));
   }
 }
 
 // Attraction before contact shown stronger: there is none without a twin.
 void companded(Grid& grid, RunSpec spec) {
   if (spec.method != Method::kTwin) return;
-  for (const double compand : {3.0, 10.0}) {
-    spec.compand = compand;
-    for (const SceneKind scene : {SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
-      spec.scene = scene;
-      for (const double rtt : {0.0, 20.0, 200.0}) {
-        spec.rtt_ms = rtt;
-        for (const double loss : {0.0, 0.1}) {
-          spec.loss = loss;
-          for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16]})
-            grid.add(spec, hand);
-        }
-      }
-    }
-  }
+  grid.sweep(spec, {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16]},
+             over(&RunSpec::compand, {3.0, 10.0}),
+             over(&RunSpec::scene, {SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}),
+             over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}), over(&RunSpec::loss, {0.0, 0.1}));
 }
 
 void named_links(Grid& grid, RunSpec spec) {
   for (const NamedLink& link : kNamedLinks) {
     put_link(link, spec);
-    for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kScan}) {
-      spec.scene = scene;
-      for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[16]}) grid.add(spec, hand);
-    }
+    grid.sweep(spec, {kHands[0], kHands[3], kHands[8], kHands[16]},
+               over(&RunSpec::scene, {SceneKind::kWall, SceneKind::kOxide, SceneKind::kScan}));
   }
 }
 
@@ -431,18 +356,10 @@ void replies_left_out(Grid& grid, RunSpec spec) {
        {std::pair{50.0, 0.005}, std::pair{100.0, 0.02}, std::pair{400.0, 0.1}, std::pair{1000.0, 100.0}}) {
     spec.reply_permille = permille;
     spec.reply_n = n;
-    RunSpec plain = spec;
-    for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
-      plain.scene = scene;
-      for (const double rtt : {0.0, 20.0, 200.0}) {
-        plain.rtt_ms = rtt;
-        for (const double loss : {0.0, 0.1}) {
-          plain.loss = loss;
-          for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16], kHands[17]})
-            grid.add(plain, hand);
-        }
-      }
-    }
+    grid.sweep(
+        spec, {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16], kHands[17]},
+        over(&RunSpec::scene, {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}),
+        over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}), over(&RunSpec::loss, {0.0, 0.1}));
     options_in_trouble(grid, spec);
     acts(grid, spec);
   }

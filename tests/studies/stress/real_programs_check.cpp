@@ -20,6 +20,7 @@
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "tests/studies/relay/relay.h"
+#include "tests/studies/stress/ending_threads.h"
 #include "tests/studies/stress/stress_run.h"
 #include "tests/support/child_process.h"
 #include "tests/support/virtual_session.h"
@@ -169,23 +170,6 @@ class Folder {
   std::filesystem::path path_;
 };
 
-/// Threads that end with it: the relay's, or a loop on each core.
-class Threads {
- public:
-  ~Threads() {
-    stop = true;
-    for (std::thread& thread : threads_) thread.join();
-  }
-  template <class Work>
-  void start(Work work) {
-    threads_.emplace_back(std::move(work));
-  }
-  std::atomic<bool> stop{false};
-
- private:
-  std::vector<std::thread> threads_;
-};
-
 std::string program(const std::string& name) {
   const std::filesystem::path here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
   const std::filesystem::path path = here / name;
@@ -241,7 +225,7 @@ std::vector<recording::Sample> in_real_time(const Setting& s, const Folder& fold
   const rt::SteadyClock clock;
   Relay relay(config, clock);
   const std::int64_t relay_ns = clock.now_ns();
-  Threads threads;
+  EndingThreads threads;
   threads.start([&] {
     rt::RealtimeConfig before_the_loops;  // where the system permits it
     before_the_loops.priority = 60;

@@ -19,6 +19,7 @@
 #include "telenano/master/loop/station_loop.h"
 #include "telenano/nve_server/server/server_loop.h"
 #include "tests/studies/relay/relay.h"
+#include "tests/studies/stress/ending_threads.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/stress_run.h"
@@ -170,23 +171,6 @@ rt::RealtimeConfig realtime(int priority) {
   return config;
 }
 
-/// Ends its threads whatever happens.
-class Threads {
- public:
-  ~Threads() {
-    stop = true;
-    for (std::thread& thread : threads_) thread.join();
-  }
-  template <class Work>
-  void start(Work work) {
-    threads_.emplace_back(std::move(work));
-  }
-  std::atomic<bool> stop{false};
-
- private:
-  std::vector<std::thread> threads_;
-};
-
 Metrics in_real_time(const Setting& setting) {
   const rt::SteadyClock clock;
   const net::Address any = net::parse_address("127.0.0.1:0", "stress");
@@ -204,7 +188,7 @@ Metrics in_real_time(const Setting& setting) {
       std::llround(0.5e6 * setting.spec.rtt_ms);
   Relay relay(relay_config, clock);
   net::Udp socket = net::Udp::open_for(relay.local());
-  Threads threads;
+  EndingThreads threads;
   threads.start([&] {
     rt::enter_realtime(realtime(70));
     server::run_loop(

@@ -72,7 +72,11 @@ constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "record-rendered",
                                                                      "record-gaps",
                                                                      "record-single",
-                                                                     "record-swapped"};
+                                                                     "record-swapped",
+                                                                     "gate-creeping",
+                                                                     "gate-silent",
+                                                                     "gate-forgetful",
+                                                                     "gate-blind"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},

@@ -250,9 +250,17 @@ void add_stress_command(CLI::App& app, int& exit_code) {
                    "N random runs; bounds.csv contains the rate of broken promises for each feature")
       ->check(CLI::Range(std::size_t{1}, std::size_t{10'000'000}))
       ->type_name("N");
-  command->add_flag(
-      "--reply-deadband", a->replies,
-      "more than 30 000 runs in which the server leaves out replies whose force is within a deadband");
+  command
+      ->add_flag(
+          "--reply-deadband", a->replies,
+          "more than 30 000 runs in which the server leaves out replies whose force is within a deadband")
+      // That of `run` and `fidelity` has a value; without a word "=100" would begin a sweep of minutes.
+      ->check([](const std::string& word) {
+        return word == "true" ? std::string()
+                              : "'" + word +
+                                    "': takes no value, its runs have deadbands of their own; one run: "
+                                    "--replay 'reply-permille=...'";
+      });
   command
       ->add_option("--merge", a->merge_folder,
                    "join the shards in this folder into runs.csv and write the report")

@@ -16,6 +16,7 @@
 #include "tests/studies/stress/mutants.h"
 #include "tests/studies/stress/operator_acts.h"
 #include "tests/studies/stress/record_watch.h"
+#include "tests/studies/stress/reply_watch.h"
 #include "tests/studies/stress/search.h"
 #include "tests/studies/stress/watched_slave.h"
 #include "tests/studies/stress/wrong_wire.h"
@@ -118,17 +119,36 @@ class Hash {
   std::uint64_t hash_ = 0xcbf29ce484222325ull;
 };
 
+/// With a log of steps every command is answered; of a shared tip others' steps are not this session's.
+bool leaves_replies_out(const RunSpec& spec) noexcept {
+  return spec.method != control::Method::kTwin && spec.act != Act::kTakeOver;
+}
+
+/// As the station asks for it.
+link::ReplyDeadband reply_deadband(const RunSpec& spec, double force_scale) noexcept {
+  const double floor_pn = std::min(1e3 * spec.reply_n / (1e-9 * force_scale), 1e9);
+  return {static_cast<std::uint32_t>(floor_pn), static_cast<std::uint32_t>(spec.reply_permille)};
+}
+
 support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& scenes,
-                                             const std::shared_ptr<SlaveWatch>& watch, double force_scale) {
+                                             const std::shared_ptr<SlaveWatch>& watch,
+                                             const std::shared_ptr<ReplyWatch>& replies, double force_scale) {
   support::VirtualSessionConfig session;
   session.scene = scenes.file(spec.scene);
   session.make_slave = [&scenes, kind = spec.scene, mutant = spec.mutant, watch] {
     return std::make_unique<WatchedSlave>(scenes.make(kind, kWallHeightNm), watch, mutant);
   };
   if (make_mutant_method(spec)) session.make_method = [spec] { return make_mutant_method(spec); };
+  const bool wrong_gate = WrongWire::is_gate(spec.mutant);
+  std::shared_ptr<WrongWire> wrong;
   if (WrongWire::concerns(spec.mutant))
-    session.lie = [wrong = std::make_shared<WrongWire>(spec.mutant)](
-                      std::span<std::uint8_t> out, std::size_t size) { return (*wrong)(out, size); };
+    wrong = std::make_shared<WrongWire>(spec.mutant, reply_deadband(spec, force_scale));
+  if (wrong || replies->watches())
+    session.lie = [wrong, replies, watch](std::span<std::uint8_t> out, std::size_t size) {
+      if (wrong) size = (*wrong)(out, size);
+      if (size > 0 && replies->watches()) replies->leaves(out.first(size), *watch);
+      return size;
+    };
   session.station.method = spec.method;
   // Of a shared tip there is no twin.
   const bool shared = spec.act == Act::kTakeOver;
@@ -149,7 +169,7 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   playout.delay_max_ns = nanoseconds(1e-3 * playout_longest_ms(spec));
   session.link_options.gate.deadband_nm = spec.deadband_nm;
   session.link_options.gate.deadband_n = spec.deadband_n;
-  session.link_options.reply_deadband.permille = spec.reply_permille;
+  session.link_options.reply_deadband.permille = wrong_gate ? 0 : spec.reply_permille;
   session.link_options.reply_deadband.floor_n = spec.reply_n;
   session.to_server.delay_ns = session.to_station.delay_ns = nanoseconds(0.5e-3 * spec.rtt_ms);
   // What is on the way, with jitter of some standard deviations, duplicates and replies.
@@ -191,7 +211,9 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   const auto ticks = std::llround((spec.seconds + 6e-3 * spec.rtt_ms) * spec.rate_hz);
   if (extras.path_m != nullptr) hand->keep_path(static_cast<std::size_t>(ticks));
 
-  support::VirtualSessionConfig config = session_config(spec, scenes, watch, force_scale);
+  const auto replies =
+      std::make_shared<ReplyWatch>(leaves_replies_out(spec) ? spec.reply_permille : 0, spec.reply_n);
+  support::VirtualSessionConfig config = session_config(spec, scenes, watch, replies, force_scale);
   config.hand = with_mutant(hand, spec.mutant);
   if (extras.make_method) config.make_method = extras.make_method;
   support::VirtualSession session(config);
@@ -265,6 +287,9 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
     around.time_s = row.time_s;
     invariants.look(row, *hand, *watch, around);
+    if (replies->watches() &&
+        !replies->is_true(*watch, session.server().counters().exchanges, 1e-9 * row.force_scale))
+      invariants.violate(kInvariantReplies, row.time_s);
     now_s = row.time_s;
     if (hand->started()) moved += periods;
     const double t_s = session.period_s() * static_cast<double>(moved);

@@ -24,8 +24,10 @@ struct SlaveWatch {
   /// Most that each slave had ever given, net, summed over the slaves: how deep the sample's potential is
   /// below where it began, U₀ − U_min, and once more for each slave that began anew.
   double well_aj = 0;
-  std::int64_t touched = 0;  ///< how often the tip came into contact
-  bool sums_fell = false;    ///< an energy sum of one slave became smaller
+  std::int64_t touched = 0;                    ///< how often the tip came into contact
+  bool sums_fell = false;                      ///< an energy sum of one slave became smaller
+  double energy_in_aj = 0, energy_out_aj = 0;  ///< of the slave that there is
+  double time_s = 0;                           ///< all steps together
   bool non_finite = false;
 };
 
@@ -54,8 +56,9 @@ class WatchedSlave final : public slave::Slave {
     w.sums_fell = w.sums_fell || output.energy_in_aj < in_aj_ || output.energy_out_aj < out_aj_;
     w.non_finite = w.non_finite || !is_finite(output.force_w_nn) || !std::isfinite(output.energy_in_aj) ||
                    !std::isfinite(output.energy_out_aj) || !is_finite(output.tip_pos_w_nm);
-    in_aj_ = output.energy_in_aj;
-    out_aj_ = output.energy_out_aj;
+    w.energy_in_aj = in_aj_ = output.energy_in_aj;
+    w.energy_out_aj = out_aj_ = output.energy_out_aj;
+    w.time_s += dt_s;
     if (out_aj_ - in_aj_ > given_aj_) {
       w.well_aj += out_aj_ - in_aj_ - given_aj_;
       given_aj_ = out_aj_ - in_aj_;

@@ -12,7 +12,7 @@ namespace telenano::studies::stress {
 /// energy sums stay those of the right one.
 class WrongSlave {
  public:
-  explicit WrongSlave(Mutant mutant) noexcept : mutant_(mutant) {}
+  explicit WrongSlave(Mutant mutant) noexcept : mutant_(mutant) { late_.fill(Vec3::Zero()); }
   void before(const slave::SlaveLimits& limits, slave::SlaveInput& input) const noexcept;
   void after(double dt_s, slave::SlaveOutput& output) noexcept;
 
@@ -21,7 +21,7 @@ class WrongSlave {
 
   static constexpr std::size_t kLateSteps = 100;  // 0.1 s at 1 kHz
   Mutant mutant_;
-  std::array<Vec3, kLateSteps> late_{};
+  std::array<Vec3, kLateSteps> late_;
   std::size_t at_ = 0;
   double passed_s_ = 0;
   double touching_s_ = 0;

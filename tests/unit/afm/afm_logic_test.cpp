@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 
+#include "telenano/nve_server/afm/afm_adapters.h"
 #include "tests/unit/afm/afm_bench.h"
 
 namespace telenano::afm {
@@ -94,6 +96,27 @@ TEST(AfmLogic, LinkLossStopAndSilenceWithdraw) {
     EXPECT_EQ(b.phase(), Phase::kWithdrawn) << kind;
     ++b.wish.clears;
     EXPECT_TRUE(b.until(Phase::kFollowing)) << kind << b.afm->logic().news();
+  }
+}
+
+// This thread stands still between deciding on a call and sending it: the reply is waited for from when it was sent.
+TEST(AfmLogic, AReplyIsWaitedForFromWhenTheCallWasSent) {
+  for (const bool was_sent : {true, false}) {
+    const AfmConfig config;
+    AfmLogic logic(config, make_adapter("nanonis", config));
+    for (const Role role : {Role::kMotion, Role::kReads, Role::kData, Role::kEmergency})
+      logic.connected(role, 0);
+    AfmCommand call;
+    std::optional<Role> asked;
+    for (const Role role : {Role::kMotion, Role::kReads, Role::kData, Role::kEmergency})
+      if (!asked && logic.next(role, 0, call)) asked = role;
+    ASSERT_TRUE(asked);
+    const std::int64_t late_ns = 4000 * kMs;
+    if (was_sent) logic.sent(*asked, late_ns);
+    logic.tick(late_ns + kMs, {});
+    EXPECT_EQ(logic.waits_for(*asked) != nullptr, was_sent);
+    logic.tick(late_ns + 4000 * kMs, {});
+    EXPECT_EQ(logic.waits_for(*asked), nullptr);
   }
 }
 

@@ -109,8 +109,8 @@ TEST(AxisDynamics, FindsWhatAnIndependentIntegratorMoves) {
   device::DeviceReading reading;
   for (double time_s = 0; measurement.end() == MeasurementEnd::kRunning; time_s += 1e-3) {
     reading.hand_pos_h_m.x() = 1e-5 * std::round(static_cast<double>(oracle.pos_m()) / 1e-5);
-    const Vec3 force_n = measurement.force(time_s, reading);
-    measurement.applied(force_n);
+    const Vec3 force_n = measurement.force(CallTime::at(time_s), reading);
+    measurement.applied(CallTime::at(time_s), force_n);
     if (measurement.axis() > 0) break;
     oracle.advance(static_cast<long double>(force_n.x()), 0, 1e-3L);
   }
@@ -159,8 +159,8 @@ TEST(AxisDynamics, BearsALoopThatIsLate) {
   double time_s = 0;
   while (measurement.end() == MeasurementEnd::kRunning) {
     reading.hand_pos_h_m = plant.encoder_pos_m();
-    force_n = measurement.force(time_s, reading);
-    measurement.applied(force_n);
+    force_n = measurement.force(CallTime::at(time_s), reading);
+    measurement.applied(CallTime::at(time_s), force_n);
     const int steps = pauses(random) ? 120 : 10 + static_cast<int>(std::min(20.0, late(random)));
     for (int i = 0; i < steps; ++i) plant.advance(force_n, Vec3::Zero());
     time_s += steps * fine.period_s;
@@ -170,6 +170,52 @@ TEST(AxisDynamics, BearsALoopThatIsLate) {
   EXPECT_EQ(found.verdict, DynamicsVerdict::kGood);
   EXPECT_NEAR(found.mass_kg.value, 0.25, 0.01 * 0.25);
   EXPECT_NEAR(found.damping_n_s_m.value, 0.8, 0.05 * 0.8);
+}
+
+// A busy machine takes the processor away between the reading and its command, and inside the calls. The first is told by two
+// times; of the second nobody knows where in the call the device acted.
+TEST(AxisDynamics, BearsAProcessorThatIsTakenAwayWithinATick) {
+  const device::PlantConfig fine = [] {
+    device::PlantConfig plant = free_device(0.3, 0.8, 0.02, 1e-5);
+    plant.period_s = 1e-4;
+    return plant;
+  }();
+  device::Plant plant(fine);
+  MeasurementConfig settings;
+  settings.seconds_per_axis = 20;
+  DynamicsMeasurement measurement(settings);
+  device::DeviceReading reading;
+  std::mt19937_64 random(11);
+  std::exponential_distribution<double> busy(1 / 3.0);  // of a tenth of a millisecond
+  std::bernoulli_distribution is_taken_away(0.1);
+  Vec3 force_n = Vec3::Zero();
+  int step = 0;
+  const auto pass = [&](double steps) {
+    for (int i = 0; i < std::min(35, static_cast<int>(steps)); ++i, ++step)
+      plant.advance(force_n, Vec3::Zero());
+  };
+  const auto now_s = [&] { return step * fine.period_s; };
+  while (measurement.end() == MeasurementEnd::kRunning && measurement.axis() == 0) {
+    const double begin_s = now_s();
+    reading.hand_pos_h_m = plant.encoder_pos_m();
+    if (is_taken_away(random)) pass(busy(random));  // in the call, after the device had answered
+    const Vec3 next_n = measurement.force({begin_s, now_s()}, reading);
+    if (is_taken_away(random)) pass(10 + busy(random));
+    const double write_s = now_s();
+    force_n = next_n;
+    if (is_taken_away(random)) pass(busy(random));
+    measurement.applied({write_s, now_s()}, force_n);
+    pass(10);
+  }
+  const AxisDynamics found = identify_axis(measurement.track(0));
+  EXPECT_EQ(found.verdict, DynamicsVerdict::kGood) << verdict_text(found.verdict);
+  EXPECT_NEAR(found.mass_kg.value, 0.3, 0.01 * 0.3);
+  EXPECT_NEAR(found.damping_n_s_m.value, 0.8, 0.05 * 0.8);
+  // The same track, if each force is taken for applied when its position was read.
+  std::vector<DynamicsSample> one_time(measurement.track(0).begin(), measurement.track(0).end());
+  for (DynamicsSample& sample : one_time) sample.force_time_s = sample.time_s;
+  const double off = std::fabs(identify_axis(one_time).damping_n_s_m.value - 0.8);
+  EXPECT_GT(off, std::fabs(found.damping_n_s_m.value - 0.8));
 }
 
 // Whoever holds on adds damping: taken for the device's, it would be a promise that nobody keeps.

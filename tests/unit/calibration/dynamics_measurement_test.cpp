@@ -37,8 +37,8 @@ TEST(DynamicsMeasurement, StaysSmall) {
       DeviceReading reading;
       for (double time_s = 0; measurement.end() == MeasurementEnd::kRunning; time_s += 1e-3) {
         reading.hand_pos_h_m = plant.encoder_pos_m();
-        const Vec3 force_n = measurement.force(time_s, reading);
-        measurement.applied(force_n);
+        const Vec3 force_n = measurement.force(CallTime::at(time_s), reading);
+        measurement.applied(CallTime::at(time_s), force_n);
         plant.advance(force_n, Vec3::Zero());
         most_n = std::max(most_n, force_n.cwiseAbs().maxCoeff());
         furthest_m = std::max(furthest_m, plant.pos_m().cwiseAbs().maxCoeff());
@@ -59,7 +59,7 @@ TEST(DynamicsMeasurement, AForceNeverSteps) {
   double most_n = 0;
   for (double time_s = 0; measurement.end() == MeasurementEnd::kRunning; time_s += 1e-3) {
     reading.hand_pos_h_m = plant.encoder_pos_m();
-    const Vec3 force_n = measurement.force(time_s, reading);
+    const Vec3 force_n = measurement.force(CallTime::at(time_s), reading);
     plant.advance(force_n, Vec3::Zero());
     if (measurement.end() == MeasurementEnd::kRunning) most_n = std::max(most_n, (force_n - last_n).norm());
     last_n = force_n;
@@ -110,7 +110,7 @@ TEST(DynamicsMeasurement, EndsWithZeroForceForGood) {
     EXPECT_EQ(measurement.end(), each.end) << end_text(measurement.end());
     EXPECT_GT(std::string(end_text(measurement.end())).size(), 5u);
     DeviceReading well;
-    EXPECT_EQ(measurement.force(1e3, well).norm(), 0);
+    EXPECT_EQ(measurement.force(CallTime::at(1e3), well).norm(), 0);
   }
 }
 
@@ -119,7 +119,7 @@ TEST(DynamicsMeasurement, APositionThatIsNoNumberEndsIt) {
   DeviceReading reading;
   for (double time_s = 0; time_s < 3; time_s += 1e-3) {
     if (time_s > 2) reading.hand_pos_h_m.y() = std::numeric_limits<double>::quiet_NaN();
-    EXPECT_TRUE(is_finite(measurement.force(time_s, reading)));
+    EXPECT_TRUE(is_finite(measurement.force(CallTime::at(time_s), reading)));
   }
   EXPECT_EQ(measurement.end(), MeasurementEnd::kTooFar);
 }
@@ -129,7 +129,7 @@ TEST(DynamicsMeasurement, TakesNothingFromTheHeap) {
   DeviceReading reading;
   const support::AllocGuard guard;
   for (int i = 0; i < 70'000; ++i) {
-    measurement.applied(measurement.force(1e-3 * i, reading));
+    measurement.applied(CallTime::at(1e-3 * i), measurement.force(CallTime::at(1e-3 * i), reading));
   }
   EXPECT_EQ(guard.allocations(), 0u);
   EXPECT_EQ(measurement.end(), MeasurementEnd::kDone);
@@ -138,10 +138,10 @@ TEST(DynamicsMeasurement, TakesNothingFromTheHeap) {
 TEST(DynamicsMeasurement, StopsWhenAsked) {
   DynamicsMeasurement measurement({});
   DeviceReading reading;
-  measurement.force(0, reading);
+  measurement.force(CallTime::at(0), reading);
   measurement.stop();
   EXPECT_EQ(measurement.end(), MeasurementEnd::kStopped);
-  EXPECT_EQ(measurement.force(1, reading).norm(), 0);
+  EXPECT_EQ(measurement.force(CallTime::at(1), reading).norm(), 0);
 }
 
 TEST(DynamicsMeasurement, RefusesSettingsOutOfRange) {

@@ -37,8 +37,8 @@ DynamicsMeasurement measure(const device::PlantConfig& config, std::size_t late_
        time_s += config.period_s) {
     each(time_s, reading, hand_m);
     reading.hand_pos_h_m = plant.encoder_pos_m();
-    const Vec3 shown_n = plant.applied_force_n(measurement.force(time_s, reading));
-    measurement.applied(shown_n);
+    const Vec3 shown_n = plant.applied_force_n(measurement.force(CallTime::at(time_s), reading));
+    measurement.applied(CallTime::at(time_s), shown_n);
     on_their_way.push_back(shown_n);
     plant.advance(on_their_way.front(), hand_m);
     on_their_way.pop_front();

@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 #include "tests/support/alloc_guard.h"
@@ -123,6 +124,31 @@ TEST(Particle, DescriptionsThatMakeNoSenseAreRefused) {
   // Jelly: adhesion alone draws it in altogether.
   EXPECT_TRUE(refused([](ParticleParameters& p) { p.particle_sample.contact_modulus_gpa = 1e-4; }));
   EXPECT_FALSE(refused([](ParticleParameters&) {}));
+}
+
+// What is found once for level ground is what each evaluation would find there: from the fields themselves.
+TEST(Particle, WhatLevelGroundGivesIsFoundOnce) {
+  const ParticleParameters p = plain();
+  const ParticleEquilibrium scene = on_level(p);
+  const ParticleModel& model = scene.model();
+  for (const int i : {kTipSample, kParticleSample}) {
+    ContactJet at;
+    model.ground[static_cast<std::size_t>(i)]->fields().contact_at(Vec3(3, -2, 0.1), at);
+    const ParticleModel::LevelGround& level = model.level[static_cast<std::size_t>(i)];
+    EXPECT_EQ(level.log_radius, at.log_radius);
+    EXPECT_EQ(level.radius_nm, det_exp(at.log_radius));
+    const ContactScales scales = model.laws[static_cast<std::size_t>(i)].scales(level.radius_nm);
+    EXPECT_EQ(level.at.scales.force_nn, scales.force_nn);
+    EXPECT_EQ(level.at.scales.overlap_nm, scales.overlap_nm);
+    // a0 goes like R^(2/3).
+    const double relative = level.radius_nm / (i == kTipSample ? kTip : kParticle);
+    EXPECT_NEAR(level.at.zero_load_radius_nm,
+                model.zero_load_radius_nm[static_cast<std::size_t>(i)] * std::pow(relative, 2.0 / 3.0),
+                1e-14);
+  }
+  const ParticleModel::LevelGround& between = model.level[kTipParticle];
+  EXPECT_EQ(between.radius_nm, model.nominal_radius_nm[kTipParticle]);
+  EXPECT_EQ(between.at.relative, 1.0);
 }
 
 TEST(Particle, StepsTakeNothingFromTheHeap) {

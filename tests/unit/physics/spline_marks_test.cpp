@@ -33,7 +33,8 @@ TEST(HeapRows, AreThePlainLevelsBothTimes) {
     const double radius = 0.24 * std::max(width, height);
     const double x = 0.5 * width + 0.17, y = 0.5 * height - 0.31;
     const auto xi_of = [&](int column) { return (column - x) / radius; };
-    HeapRows rows(0, known - 1, xi_of);
+    ColumnPlaces places(0, known - 1, xi_of);
+    HeapRows rows;
     int above = 0, seen = 0;
     for (const bool again : {false, true}) {
       if (again) rows.again();
@@ -41,7 +42,7 @@ TEST(HeapRows, AreThePlainLevelsBothTimes) {
         const double eta = (j - y) / radius;
         for (int from = 0; from < width; from += HeapRows::kBlock) {
           const int count = std::min(HeapRows::kBlock, width - from);
-          const double* const level = rows.levels(from, count, eta, xi_of);
+          const double* const level = rows.levels(from, count, eta, places);
           for (int i = 0; i < count; ++i) {
             ASSERT_EQ(level[i], heap_level(xi_of(from + i), eta)) << from + i << ' ' << j << ' ' << again;
             above += level[i] > 0.0;

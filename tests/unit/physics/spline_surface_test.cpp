@@ -159,9 +159,18 @@ TEST(BicubicSpline, RowsAtOnceAreWhatOneByOneIs) {
         }
         at_once.raise(column, row, count, level, 0.3);
         EXPECT_EQ(at_once.changes_digest(), one_by_one.changes_digest());
-        for (int r = 0; r < kRows; ++r) {
+        double fall[kColumns];
+        for (int i = 0; i < count; ++i) {
+          fall[i] = 0.1 + 0.2 * level[i];
+          if (level[i] > 0)
+            one_by_one.set_coefficient(column + i, row, one_by_one.coefficient(column + i, row) - fall[i]);
+        }
+        at_once.lower(column, row, count, level, fall);
+        EXPECT_EQ(at_once.changes_digest(), one_by_one.changes_digest());
+        NodeRows nodes(at_once, 0, kColumns, 0);
+        for (int r = 0; r < kRows; ++r, nodes.next()) {
           double value[kColumns];
-          at_once.node_values(0, r, kColumns, value);
+          nodes.values(0, kColumns, value);
           for (int c = 0; c < kColumns; ++c) {
             EXPECT_EQ(at_once.coefficient(c, r), one_by_one.coefficient(c, r));
             EXPECT_EQ(value[c], one_by_one.node_value(c, r)) << "mirrored coefficients as well";

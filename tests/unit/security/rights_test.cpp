@@ -40,11 +40,14 @@ struct SessionRig : DtlsRig {
     serve();
     station_turn();
   }
-  void station_turn() {
+  void hear() {
     while (station->receive(station_buffer, station_received)) {
       session.on_datagram({station_buffer.data(), station_received.size}, clock.now_ns());
       heard_ns = clock.now_ns();
     }
+  }
+  void station_turn() {
+    hear();
     if (const std::size_t n = session.poll(clock.now_ns(), out))
       station->send({out.data(), n}, server_end.address());
     link::Command c = command;
@@ -168,6 +171,29 @@ TEST(Rights, AStationThatRoamsIsAnsweredAfterOneRoundTrip) {
     EXPECT_GE(rig.session.replies().newest(), before + 98);
     EXPECT_GT(rig.heard_ns, moved_ns);
   }
+  EXPECT_EQ(rig.session.sessions(), 1u);
+  EXPECT_EQ(rig.station->counters().handshakes, 1u);
+}
+
+// A NAT that gives the station another port while nothing is on the way: no command stays without its answer.
+TEST(Rights, ANatThatRebindsBetweenTwoTicksCostsNoAnswer) {
+  SessionRig rig;
+  rig.begin("omega-1", 1);
+  rig.serve();
+  rig.hear();
+  for (std::uint16_t move = 0; move <= 20; ++move) {
+    if (move > 0)
+      rig.station_end.set_address(DatagramNet::address(3, static_cast<std::uint16_t>(41000 + move)));
+    for (int ms = 0; ms < 50; ++ms) {
+      const std::uint64_t before = rig.session.replies().newest();
+      rig.pass_ms(1);
+      rig.station_turn();
+      rig.serve();
+      rig.hear();
+      ASSERT_EQ(rig.session.replies().newest(), before + 1) << move << ", " << ms << " ms";
+    }
+  }
+  EXPECT_EQ(rig.events(SecurityEvent::kMoved), 20u);
   EXPECT_EQ(rig.session.sessions(), 1u);
   EXPECT_EQ(rig.station->counters().handshakes, 1u);
 }

@@ -78,12 +78,7 @@ TEST(HandInterval, ALateTickDoesNotMakeAHandTooFast) {
 TEST(HandInterval, StepsTakeNoLongerThanTheTimeThatHasPassed) {
   for (const std::int64_t late_ns : {0, 300'000}) {
     station::Station station{station::StationConfig{}, station::StationRig::device(), {10, 0, 500}};
-    link::Welcome welcome;
-    welcome.epoch = 1;
-    welcome.feature_bits = link::kFeatureStepLog;
-    welcome.workspace_min_w_nm = Vec3::Constant(-100);
-    welcome.workspace_max_w_nm = Vec3::Constant(100);
-    station.begin_session(welcome);
+    station.begin_session(station::StationRig::welcome_with_log());
     constexpr std::int64_t kPeriodNs = 1'000'000;
     constexpr std::int64_t kTicks = 5000;
     std::int64_t last_ns = 0;

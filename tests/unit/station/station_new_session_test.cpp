@@ -52,11 +52,7 @@ TEST(Station, ALogThatGoesOnIsTheAnchorAndNotWhereTheServerHasGotTo) {
         Case{"of before a break", 50, 1, 2, true}, Case{"a break more: it has moved itself", 50, 1, 4, false},
         Case{"another slave", 50, 2, 0, false}, Case{"steps that nobody made", 200, 1, 3, false}}) {
     Station station{StationConfig{}, StationRig::device(), {10, 0, 500}};
-    link::Welcome welcome;
-    welcome.epoch = 1;
-    welcome.feature_bits = link::kFeatureStepLog;
-    welcome.workspace_min_w_nm = Vec3::Constant(-100);
-    welcome.workspace_max_w_nm = Vec3::Constant(100);
+    link::Welcome welcome = StationRig::welcome_with_log();
     station.begin_session(welcome);
     StationInput input;
     StationOutput output;

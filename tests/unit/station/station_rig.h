@@ -17,6 +17,16 @@ class StationRig {
     return info;
   }
 
+  /// Of a session that logs its steps, in a box of 100 nm each way.
+  static link::Welcome welcome_with_log() {
+    link::Welcome welcome;
+    welcome.epoch = 1;
+    welcome.feature_bits = link::kFeatureStepLog;
+    welcome.workspace_min_w_nm = Vec3::Constant(-100);
+    welcome.workspace_max_w_nm = Vec3::Constant(100);
+    return welcome;
+  }
+
   explicit StationRig(const StationConfig& config = {}, const SlavePort& slave = {10, 0, 500})
       : station(config, device(), slave) {
     welcome.start_pos_w_nm = Vec3(100, 200, 40);

@@ -3,7 +3,9 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,6 +20,7 @@ struct Glyph {
   ImWchar letter = 0;
   /// At the right edge of what it is drawn in, or at the left by more than the hook of a j.
   bool cut = false;
+  bool cut_below = false;
 };
 
 /// Every letter of the last frame in the order of drawing but those in `ignored` (a dark edge round others).
@@ -48,12 +51,69 @@ inline std::vector<Glyph> drawn_glyphs(ImU32 ignored) {
                 v[0].col,
                 letter->second,
                 v[2].pos.x > cmd.ClipRect.z + 0.5f ||
-                    cmd.ClipRect.x - v[0].pos.x > 0.4f * (v[2].pos.x - v[0].pos.x)};
+                    cmd.ClipRect.x - v[0].pos.x > 0.4f * (v[2].pos.x - v[0].pos.x),
+                v[2].pos.y > cmd.ClipRect.w + 0.5f};
         if (g.x1 > g.x0 && g.y1 > g.y0) glyphs.push_back(g);
       }
     }
   }
   return glyphs;
+}
+
+struct Triangle {
+  std::array<ImVec2, 3> at;
+};
+
+/// What else has this colour in the last frame: lines and boxes. Their places in the fonts' texture are no letter's.
+inline std::vector<Triangle> drawn_triangles(ImU32 colour) {
+  std::set<std::pair<float, float>> corners_of_letters;
+  for (const ImFont* font : ImGui::GetIO().Fonts->Fonts)
+    for (const ImFontGlyph& g : font->Glyphs)
+      corners_of_letters.insert({{g.U0, g.V0}, {g.U1, g.V0}, {g.U1, g.V1}, {g.U0, g.V1}});
+  std::vector<Triangle> triangles;
+  const ImDrawData* const data = ImGui::GetDrawData();
+  for (int l = 0; l < data->CmdListsCount; ++l) {
+    const ImDrawList& list = *data->CmdLists[l];
+    for (const ImDrawCmd& cmd : list.CmdBuffer) {
+      for (unsigned i = 0; i + 3 <= cmd.ElemCount; i += 3) {
+        Triangle triangle;
+        bool is_other = true;
+        for (unsigned k = 0; k < 3; ++k) {
+          const ImDrawIdx index = list.IdxBuffer.Data[cmd.IdxOffset + i + k];
+          const ImDrawVert& v = list.VtxBuffer.Data[cmd.VtxOffset + index];
+          triangle.at[k] = v.pos;
+          is_other = is_other && v.col == colour && !corners_of_letters.contains({v.uv.x, v.uv.y});
+        }
+        if (is_other) triangles.push_back(triangle);
+      }
+    }
+  }
+  return triangles;
+}
+
+/// Have they a point in common? Two convex shapes that have not are parted by an edge of one of them.
+inline bool meet(const Triangle& triangle, const Glyph& g) {
+  const std::array<ImVec2, 4> box = {{{g.x0, g.y0}, {g.x1, g.y0}, {g.x1, g.y1}, {g.x0, g.y1}}};
+  const auto parts = [&](ImVec2 normal) {
+    const auto range = [&](const auto& points) {
+      std::pair<float, float> least_most{1e9f, -1e9f};
+      for (const ImVec2& p : points) {
+        const float along = p.x * normal.x + p.y * normal.y;
+        least_most = {std::min(least_most.first, along), std::max(least_most.second, along)};
+      }
+      return least_most;
+    };
+    const auto mine = range(triangle.at);
+    const auto its = range(box);
+    return mine.second <= its.first || its.second <= mine.first;
+  };
+  if (parts({1, 0}) || parts({0, 1})) return false;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const ImVec2& a = triangle.at[k];
+    const ImVec2& b = triangle.at[(k + 1) % 3];
+    if (parts({b.y - a.y, a.x - b.x})) return false;
+  }
+  return true;
 }
 
 /// All letters, without blanks, in the order of drawing; what is not ASCII is a '?'.

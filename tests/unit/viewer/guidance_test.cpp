@@ -447,7 +447,7 @@ TEST_F(StartScreenTest, TheIdentityAndTheServersKeyAreInSight) {
   EXPECT_TRUE(says("Identityomega-1.id") && says("Server'skey" + choice_.server_key)) << text;
   EXPECT_TRUE(says("lab.example.org:5100identityomega-1.id")) << text;
   EXPECT_FALSE(says("Keyfile")) << text;
-  EXPECT_EQ(view_model::choice_fault(choice_), "");
+  EXPECT_EQ(view_model::start_faults(choice_).first(), "");
   choice_.key = "lab.key";
   for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
   EXPECT_TRUE(says("Keyfilelab.key") && says("clearone")) << drawn_text(glyphs());

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -15,6 +17,8 @@
 #include "telenano/common/base/error.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/station/station.h"
+#include "telenano/master/view_model/session_banner.h"
+#include "telenano/master/view_model/status_text.h"
 #include "telenano/master/viewer/offscreen.h"
 #include "telenano/master/viewer/photographer.h"
 #include "telenano/master/viewer/viewer.h"
@@ -60,6 +64,22 @@ void show(recording::Sample s, view_model::ViewPort& port, Viewer& viewer) {
     port.samples.push(s);
   }
   viewer.take_samples();
+}
+
+/// Letters of the overview through which a bar or a line of full strength in the words' own colour runs.
+std::string crossed(const std::vector<Glyph>& glyphs, const Area& area) {
+  const auto inside = [&](float x, float y) { return area.contains(x, y); };
+  std::string letters;
+  const std::vector<Triangle> lines = drawn_triangles(ink(palette::kText));
+  for (const Glyph& g : glyphs) {
+    if (!inside(g.x0, g.y0) || !inside(g.x1, g.y1)) continue;
+    for (const Triangle& line : lines) {
+      if (!meet(line, g)) continue;
+      letters.push_back(g.letter < 128 ? static_cast<char>(g.letter) : '?');
+      break;
+    }
+  }
+  return letters;
 }
 
 // Every letter of the frame as the driver gets it, in the states that put the most words on the screen.
@@ -120,6 +140,8 @@ TEST_F(Render, NoWordLiesOnAnotherOrIsCutAt4K) {
         tallest = std::max(tallest, g.y1 - g.y0);
       }
       EXPECT_EQ(cut, "") << "state " << state << ", scale " << scale;
+      EXPECT_EQ(crossed(glyphs, layout_of(kWide4K, kHigh4K, scale, Views::kBoth).overview), "")
+          << "state " << state << ", scale " << scale;
       const std::string text = drawn_text(glyphs);
       EXPECT_NE(text.find(state == 2 || state == 7 ? "Clearthestop(R)" : "STOP(Esc)"), std::string::npos)
           << text;
@@ -130,6 +152,51 @@ TEST_F(Render, NoWordLiesOnAnotherOrIsCutAt4K) {
                   {kWide4K, kHigh4K, canvas.read_rgb()});
     }
     EXPECT_NEAR(tallest / scale, 17, 6) << "points, whatever the screen";
+  }
+}
+
+// The bar on the ground is slanted as the camera looks at it: from every side, at every size, its length stands beside it.
+TEST_F(Render, TheBarOnTheGroundRunsThroughNoWords) {
+  constexpr std::array<std::pair<int, int>, 4> kSizes = {
+      {{640, 480}, {1280, 800}, {1920, 1080}, {3840, 2160}}};
+  for (const float scale : {1.0f, 2.0f}) {
+    viewer_.reset();
+    viewer_.emplace(facts_, view_model::Ground(support::view_scan(256)), port_, scale);
+    play(0, 1500);
+    for (const auto& [wide, high] : kSizes) {
+      if (static_cast<float>(wide) < 640 * scale) continue;
+      const Canvas canvas(wide, high, 0);
+      const Area area = layout_of(wide, high, scale, Views::kBoth).overview;
+      int bars = 0;
+      // The overview turned by drags of the right button, all round.
+      for (int turn = 0; turn < 24; ++turn) {
+        ImGuiIO& io = ImGui::GetIO();
+        const auto draw_once = [&] {
+          canvas.bind();
+          io.DeltaTime = 1.0f / 60;
+          viewer_->draw(wide, high, time_s_ += 1.0 / 60, {});
+        };
+        io.MousePos = {0.7f * static_cast<float>(area.width_px), 0.8f * static_cast<float>(area.height_px)};
+        draw_once();
+        io.MouseDown[1] = true;
+        draw_once();
+        io.MousePos.x += 50;  // 15 degrees
+        io.MousePos.y += turn % 5 == 4 ? 40.0f : turn % 5 == 2 ? -40.0f : 0.0f;
+        draw_once();
+        io.MouseDown[1] = false;
+        draw_once();
+        draw_once();
+        const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+        EXPECT_EQ(crossed(glyphs, area), "") << wide << " x " << high << ", scale " << scale << ", azimuth "
+                                             << viewer_->overview_camera().azimuth_deg << ", elevation "
+                                             << viewer_->overview_camera().elevation_deg;
+        bars += drawn_text(glyphs).find("100nm") != std::string::npos ? 1 : 0;
+        if (const char* folder = std::getenv("TELENANO_LOOK"); folder != nullptr && turn % 6 == 0)
+          write_png(fmt::format("{}/bar_{}_{}_{:g}.png", folder, turn, wide, scale),
+                    {wide, high, canvas.read_rgb()});
+      }
+      EXPECT_GT(bars, 12) << "or this shows nothing: " << wide << ", scale " << scale;
+    }
   }
 }
 
@@ -201,6 +268,173 @@ TEST_F(Render, NoNumberOfThePanelIsCutAtAnySizeAndScale) {
             << words << ", " << wide << " x " << high << ", scale " << scale << ": " << text;
       }
     }
+  }
+}
+
+/// Two frames without smoothing, which words do not need: ImGui knows the sizes of its windows after the first.
+void draw_plain(Viewer& viewer, int wide, int high) {
+  const Canvas canvas(wide, high, 0);
+  ImGui::GetIO().DeltaTime = 1.0f / 60;
+  viewer.settle(120);
+  for (int i = 0; i < 2; ++i) {
+    canvas.bind();
+    viewer.draw(wide, high, i / 60.0, {});
+  }
+}
+
+// Every line that a state can have, alone: all of it is in sight in the least window, whatever the size of its words.
+TEST_F(Render, EveryMessageIsWholeInTheLeastWindowAtEveryTextSize) {
+  struct Case {
+    std::string name;
+    std::function<void(recording::Sample&)> change;
+    device::ForceOffCause cause = device::ForceOffCause::kNone;
+    station::TwinState twin = station::TwinState::kNone;
+  };
+  std::vector<Case> cases;
+  const auto mode = [](recording::Sample& s, station::Mode now) {
+    s.station_mode = static_cast<std::uint32_t>(now);
+  };
+  for (std::uint32_t bit = 1; bit != 0 && bit <= 1u << 16; bit <<= 1) {
+    cases.push_back({fmt::format("station fault {:#x}", bit), [bit](auto& s) { s.station_faults = bit; }});
+    cases.push_back({fmt::format("slave fault {:#x}", bit), [bit](auto& s) { s.fault_bits = bit; }});
+    cases.push_back({fmt::format("limit {:#x}", bit), [bit](auto& s) { s.limit_flags = bit; }});
+  }
+  for (int cause = 1; cause <= static_cast<int>(device::ForceOffCause::kDeviceError); ++cause)
+    cases.push_back(
+        {fmt::format("device {}", cause), [](auto&) {}, static_cast<device::ForceOffCause>(cause)});
+  for (int twin = 0; twin < 6; ++twin)
+    cases.push_back({fmt::format("twin {}", twin),
+                     [](auto& s) { s.method = static_cast<std::uint32_t>(control::Method::kTwin); },
+                     device::ForceOffCause::kNone, static_cast<station::TwinState>(twin)});
+  for (int m = 0; m < 6; ++m)
+    cases.push_back({fmt::format("mode {}", m), [=](auto& s) { mode(s, static_cast<station::Mode>(m)); }});
+  cases.push_back({"silent", [](auto& s) { s.reply_age_ms = 112'345; }});
+  facts_.give_up_s = 600;
+  for (const double text_size : {1.0, 1.5, 2.0}) {
+    make();
+    viewer_->set_text_size(text_size);
+    const int wide = static_cast<int>(640 * text_size);
+    const int high = static_cast<int>(480 * text_size);
+    const Area panel = layout_of(wide, high, text_size, Views::kBoth).panel;
+    for (const Case& one : cases) {
+      SCOPED_TRACE(fmt::format("{}, text {:g}", one.name, text_size));
+      recording::Sample s = support::view_sample(1650);
+      s.time_s = 200;
+      one.change(s);
+      port_.force_off.store(one.cause);
+      port_.twin.store(one.twin);
+      port_.samples.push(s);
+      viewer_->take_samples();
+      view_model::SessionInputs inputs{s};
+      inputs.give_up_s = facts_.give_up_s;
+      inputs.twin = one.twin;
+      inputs.device_cause = one.cause;
+      auto messages = view_model::session_banner(inputs).lines;
+      for (auto& message : view_model::slave_text(s.fault_bits)) messages.push_back(message);
+      if (messages.empty()) continue;
+      draw_plain(*viewer_, wide, high);
+      const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+      EXPECT_EQ(overlaps(glyphs), "");
+      // The letters of the panel above what scrolls under the messages, in the order in which they were drawn.
+      std::string whole;
+      std::string cut;
+      for (const Glyph& g : glyphs) {
+        if (g.x0 < static_cast<float>(panel.x_px)) continue;
+        whole.push_back(g.letter < 128 ? static_cast<char>(g.letter) : '?');
+        if (g.cut) cut.push_back(whole.back());
+      }
+      EXPECT_EQ(cut, "");
+      std::string words;
+      for (const char c : messages.front().text)
+        if (c != ' ') words.push_back(c);
+      const auto at = whole.find(words);
+      EXPECT_NE(at, std::string::npos) << words << "\n" << whole;
+      if (at == std::string::npos) continue;
+      std::size_t number = 0;
+      for (const Glyph& g : glyphs) {
+        if (g.x0 < static_cast<float>(panel.x_px)) continue;
+        if (number >= at && number < at + words.size()) {
+          EXPECT_FALSE(g.cut_below) << words << ", letter " << number - at;
+        }
+        ++number;
+      }
+      if (const char* folder = std::getenv("TELENANO_LOOK"); folder != nullptr && text_size == 1)
+        write_png(fmt::format("{}/message_{}.png", folder, one.name), draw_picture(*viewer_, wide, high, {}));
+    }
+  }
+}
+
+// What is said for a few seconds is whole, whatever its length, and lies on no other words, in each of the pictures.
+TEST_F(Render, WhatIsSaidForAMomentIsWholeAndLiesOnNoOtherWords) {
+  const std::string folder = "/home/somebody/measurements/2026/a very long name of a folder/";
+  const std::vector<std::string> all = {
+      "Text 100 %",
+      folder +
+          "telenano-1.png: the picture cannot be written: Permission denied; check the folder, its "
+          "permissions and "
+          "its free space",
+      "The server does not have that sample, or no place at it now: the session goes on at this one",
+      folder + std::string(4000, 'w')};
+  for (const double text_size : {1.0, 1.5, 2.0}) {
+    make();
+    viewer_->set_text_size(text_size);
+    const int wide = static_cast<int>(640 * text_size);
+    const int high = static_cast<int>(480 * text_size);
+    for (const int state : {7}) {
+      show(wordy(state), port_, *viewer_);
+      for (const Views views : {Views::kBoth, Views::kOverview, Views::kCloseUp}) {
+        viewer_->show(views);
+        for (const std::string& words : all) {
+          viewer_->say(words, 0);
+          draw_plain(*viewer_, wide, high);
+          const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+          SCOPED_TRACE(fmt::format("state {}, text {:g}, views {}, '{}'", state, text_size,
+                                   static_cast<int>(views), words.substr(0, 20)));
+          EXPECT_EQ(overlaps(glyphs), "");
+          std::string cut;
+          for (const Glyph& g : glyphs)
+            if (g.cut) cut.push_back(g.letter < 128 ? static_cast<char>(g.letter) : '?');
+          EXPECT_EQ(cut, "");
+          std::string expected;
+          for (const char c : words.substr(0, 400))
+            if (c != ' ') expected.push_back(c);
+          EXPECT_NE(drawn_text(glyphs).find(expected), std::string::npos) << drawn_text(glyphs);
+          if (const char* look = std::getenv("TELENANO_LOOK"); look != nullptr && text_size == 1)
+            write_png(fmt::format("{}/said_{}_{}_{}.png", look, state, static_cast<int>(views), words.size()),
+                      draw_picture(*viewer_, wide, high, {}));
+        }
+      }
+    }
+  }
+}
+
+// A recording that has failed is told as such, once in the picture and then in the panel, and nothing is said to be put into it.
+TEST_F(Render, ARecordingThatHasFailedTakesNoMarksAndNoNotes) {
+  facts_.recording = "a.h5";
+  make();
+  play(0, 100);
+  const RecordingStatus failed{1000, true, "a.h5: cannot be written: No space left on device"};
+  const auto text = [&] {
+    draw_picture(*viewer_, 1280, 800, failed);
+    return drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f)));
+  };
+  const auto has = [](const std::string& shown, const std::string& words) {
+    return shown.find(words) != std::string::npos;
+  };
+  std::string shown = text();
+  EXPECT_TRUE(
+      has(shown, "Therecordinghasfailed,andthesessiongoeson:a.h5:cannotbewritten:Nospaceleftondevice"))
+      << shown;
+  EXPECT_TRUE(has(shown, "recordinghasfaileda.h5:cannotbewritten")) << shown;
+  EXPECT_EQ(overlaps(drawn_glyphs(ink(palette::kBackground, 0.75f))), "");
+  for (const int key : {GLFW_KEY_M, GLFW_KEY_N}) {
+    ImGui::GetIO().KeysDown[key] = true;
+    text();
+    ImGui::GetIO().KeysDown[key] = false;
+    shown = text();
+    EXPECT_TRUE(has(shown, "canbeputintoit")) << shown;
+    EXPECT_FALSE(has(shown, "putintotherecording")) << shown;
+    EXPECT_FALSE(viewer_->writes_note());
   }
 }
 
