@@ -14,13 +14,16 @@
 namespace telenano::physics {
 namespace {
 
-constexpr int kMaxPasses = 8;
+constexpr int kMaxPasses = 14;
+constexpr int kShortPasses = 6;  // those that may end before they are balanced
+constexpr double kRenewed =
+    0.3;  // of the change in what friction takes from the state: more balance is then of no use
 constexpr int kMaxIterations = 400;  // of one minimisation; long ways downhill take hundreds
 constexpr int kMaxHalvings = 40;
 constexpr int kMaxHoldBacks = 12;
 constexpr double kBalanced = 1e-9;  // of the forces: ten times the laws' own error
 constexpr double kStalled = 1e-6;   // as good as rounding lets it be
-constexpr double kSettled = 1e-8;   // of the forces, from what friction takes from the state
+constexpr double kSettled = 1e-7;   // of the forces, from what friction takes from the state
 constexpr double kLongestStepRadii = 0.3;
 constexpr double kLongestStepOfGap = 0.5;
 constexpr double kLongestTurn_rad = 0.3;
@@ -49,6 +52,10 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
   Mat3 m;
   m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
   return m;
+}
+
+bool inside(Branch branch) noexcept {
+  return branch == Branch::kContact || branch == Branch::kNonContact;
 }
 
 Vec3 unit(const Vec3& v) noexcept {
@@ -90,10 +97,12 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
 
 // Tip or particle on the ground, on the branch that is there. False: no number.
 bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noexcept {
+  if (contact.known && contact.centre_w_nm == centre) return true;
   const ParticleParameters& p = model_.parameters;
   const TipPotential& ground = *model_.ground[i];
   Held& held = held_[i];
   const Vec3 apex = centre - Vec3(0.0, 0.0, i == kTipSample ? p.tip_radius_nm : p.particle_radius_nm);
+  contact.known = false;
   contact.place = held.place;
   int jumps = 0;
   PotentialSample at;
@@ -127,6 +136,29 @@ bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noe
   law.potential_aj = at.energy_aj;
   law.jumps = jumps;
   law.bridge = contact.place.bridge.present;
+  contact.known = true;
+  contact.centre_w_nm = centre;
+  return true;
+}
+
+// Tip and particle, on the branch that is held. False: no number.
+bool ParticleBalance::touch(const Vec3& apart, ContactTrial& contact) noexcept {
+  if (contact.known && contact.centre_w_nm == apart) return true;
+  contact.known = false;
+  const ParticleParameters& p = model_.parameters;
+  const Held& held = held_[kTipParticle];
+  const double distance = apart.norm();
+  if (!(distance > kNearestCentres * (p.tip_radius_nm + p.particle_radius_nm))) return false;
+  contact.normal_w = apart / distance;
+  contact.distance_nm = distance;
+  contact.radius_nm = model_.nominal_radius_nm[kTipParticle];
+  law_.branch = held.branch;  // the cache alone goes on from trial to trial
+  const double overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
+  contact.law = model_.laws[kTipParticle].advance(overlap, 0.0, held.radius_nm, law_);
+  if (contact.law.status != SolveStatus::kOk) return false;
+  contact.push_w_nn = contact.law.force_nn * contact.normal_w;
+  contact.known = true;
+  contact.centre_w_nm = apart;
   return true;
 }
 
@@ -155,16 +187,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
     ContactTrial& contact = trial.contacts[i];
     Held& held = held_[i];
     if (i == kTipParticle) {
-      const double distance = (particle - tip).norm();
-      if (!(distance > kNearestCentres * (p.tip_radius_nm + lever))) return;
-      contact.normal_w = (particle - tip) / distance;
-      contact.distance_nm = distance;
-      contact.radius_nm = model_.nominal_radius_nm[i];
-      law_.branch = held.branch;  // the cache alone goes on from trial to trial
-      const double overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
-      contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, law_);
-      if (contact.law.status != SolveStatus::kOk) return;
-      contact.push_w_nn = contact.law.force_nn * contact.normal_w;
+      if (!touch(particle - tip, contact)) return;
     } else if (!lean(i, i == kTipSample ? tip : particle, contact)) {
       return;
     }
@@ -204,8 +227,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
           contact.roll.force + contact.spin.force - lever * n.cross(contact.slide.force);
     }
     trial.load_nn += (on_ground(i) ? contact.push_w_nn.norm() : std::abs(contact.law.force_nn)) +
-                     contact.slide.force.norm() +
-                     (contact.roll.force.norm() + contact.spin.force.norm()) / lever;
+                     contact.slide.size + (contact.roll.size + contact.spin.size) / lever;
     trial.stiffest_n_m += std::abs(contact.law.stiffness_n_m) + held.slide.stiffness;
   }
   trial.potential_aj = potential;
@@ -213,58 +235,69 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
   trial.valid = std::isfinite(potential) && std::isfinite(trial.gradient.squaredNorm());
 }
 
-ParticleBalance::Mat9 ParticleBalance::hessian(const Trial& trial, bool convex) const noexcept {
+// The lower triangle of ∇∇Π, all that a Cholesky factor reads. With a the unit vector along which a bristle slips (0 if it
+// sticks; it lies across n), b = a × n and c the bristle's stiffness, a contact's friction adds to the blocks of (Δq, Δq),
+// (φ, Δq) and (φ, φ)
+//   slide  c (1 − nnᵀ − aaᵀ),   c R_p ([n]ᵀ − baᵀ),   c R_p² (1 − nnᵀ − bbᵀ)
+//   roll                                              c (1 − nnᵀ − aaᵀ)
+//   spin                                              c nnᵀ, 0 where it slips.
+void ParticleBalance::hessian(const Trial& trial, bool convex, Mat9& h) const noexcept {
   const double lever = model_.parameters.particle_radius_nm;
-  Mat9 h = Mat9::Zero();
-  h.topLeftCorner<3, 3>() = spring_;
-  h.block<3, 3>(3, 3).diagonal().setConstant(drag_n_m_);
-  h.block<3, 3>(6, 6).diagonal().setConstant(drag_n_m_ * lever * lever);
+  Mat3 tip = spring_, particle = drag_n_m_ * Mat3::Identity(),
+       turn = drag_n_m_ * lever * lever * Mat3::Identity();
+  Mat3 between = Mat3::Zero(), turn_by_tip = Mat3::Zero(), turn_by_particle = Mat3::Zero();
   for (int i = 0; i < kParticleContacts; ++i) {
     if (asleep_ && i == kParticleSample) continue;
     const ContactTrial& contact = trial.contacts[i];
     const Held& held = held_[i];
     const Pair pair = kPairs[i];
-    const double force = contact.law.force_nn;
-    double stiffness = contact.law.stiffness_n_m;
-    if (stiffness < 0.0) {
-      stiffness = std::max(stiffness, -held.stiffest_n_m);
-      if (convex) stiffness = -stiffness;
-    }
     Mat3 relative;
     if (on_ground(i)) {
       relative = convex ? bent_upwards(contact.hessian_n_m, held.stiffest_n_m) : contact.hessian_n_m;
     } else {
-      relative = stiffness * contact.normal_w * contact.normal_w.transpose();
+      const double force = contact.law.force_nn;
+      double stiffness = contact.law.stiffness_n_m;
+      if (stiffness < 0.0) {
+        stiffness = std::max(stiffness, -held.stiffest_n_m);
+        if (convex) stiffness = -stiffness;
+      }
+      const Mat3 along = contact.normal_w * contact.normal_w.transpose();
+      relative = stiffness * along;
       if (!convex || force < 0.0) {  // ∇²δ bends downwards
-        const Mat3 bend_1_per_nm =
-            (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / contact.distance_nm;
-        relative += force * bend_1_per_nm;
+        relative += force / contact.distance_nm * (along - Mat3::Identity());
       }
     }
 
     const Vec3& n = held.normal_w;
+    const bool turns = pair.particle != 0.0;
     const Mat3 across = Mat3::Identity() - n * n.transpose();
     if (held.slide.acts()) {
-      const Mat3 slide = across * contact.slide.tangent * across;
-      relative += slide;
-      if (pair.particle != 0.0) {
-        const Mat3 lever_n = lever * cross_matrix(n);
-        const Mat3 coupled = slide * lever_n;
-        h.block<3, 3>(0, 6) += pair.tip * coupled;
-        h.block<3, 3>(3, 6) += pair.particle * coupled;
-        h.block<3, 3>(6, 6) += lever_n.transpose() * coupled;
+      const Vec3& a = contact.slide.along;
+      const double c = contact.slide.stiffness;
+      relative += c * (across - a * a.transpose());
+      if (turns) {
+        const Vec3 b = a.cross(n);
+        const Mat3 coupled = c * lever * (cross_matrix(n).transpose() - b * a.transpose());
+        turn += c * lever * lever * (across - b * b.transpose());
+        turn_by_particle += pair.particle * coupled;
+        if (pair.tip != 0.0) turn_by_tip += pair.tip * coupled;
       }
     }
-    if (held.roll.acts()) h.block<3, 3>(6, 6) += across * contact.roll.tangent * across;
-    if (held.spin.acts()) h.block<3, 3>(6, 6) += n * (n.dot(contact.spin.tangent * n)) * n.transpose();
-    if (pair.tip != 0.0) h.block<3, 3>(0, 0) += relative;
-    if (pair.particle != 0.0) h.block<3, 3>(3, 3) += relative;
-    if (pair.tip != 0.0 && pair.particle != 0.0) h.block<3, 3>(0, 3) += pair.tip * pair.particle * relative;
+    if (held.roll.acts()) {
+      const Vec3& a = contact.roll.along;
+      turn += contact.roll.stiffness * (across - a * a.transpose());
+    }
+    if (held.spin.acts() && !contact.spin.slips) turn += contact.spin.stiffness * (n * n.transpose());
+    if (pair.tip != 0.0) tip += relative;
+    if (turns) particle += relative;
+    if (pair.tip != 0.0 && turns) between += pair.tip * pair.particle * relative;
   }
-  h.block<3, 3>(3, 0) = h.block<3, 3>(0, 3).transpose();
-  h.block<3, 3>(6, 0) = h.block<3, 3>(0, 6).transpose();
-  h.block<3, 3>(6, 3) = h.block<3, 3>(3, 6).transpose();
-  return h;
+  h.block<3, 3>(0, 0) = tip;
+  h.block<3, 3>(3, 3) = particle;
+  h.block<3, 3>(6, 6) = turn;
+  h.block<3, 3>(3, 0) = between;
+  h.block<3, 3>(6, 0) = turn_by_tip;
+  h.block<3, 3>(6, 3) = turn_by_particle;
 }
 
 double ParticleBalance::size(const Vec9& gradient) const noexcept {
@@ -289,7 +322,9 @@ double ParticleBalance::excess(const Vec9& step) const noexcept {
 }
 
 bool ParticleBalance::find_tip_step(bool convex, Vec9& step) const noexcept {
-  const Eigen::LLT<Mat3> factor(Mat3(hessian(*best_, convex).topLeftCorner<3, 3>()));
+  Mat9 h;
+  hessian(*best_, convex, h);
+  const Eigen::LLT<Mat3> factor(Mat3(h.topLeftCorner<3, 3>()));
   if (factor.info() != Eigen::Success) return false;
   step.setZero();
   step.head<3>() = -factor.solve(Vec3(best_->gradient.head<3>()));
@@ -298,7 +333,8 @@ bool ParticleBalance::find_tip_step(bool convex, Vec9& step) const noexcept {
 
 bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
   if (asleep_) return find_tip_step(convex, step);
-  Mat9 h = hessian(*best_, convex);
+  Mat9 h;  // its upper triangle is never written, nor read
+  hessian(*best_, convex, h);
   CholeskyNine factor;
   if (!factor.compute(h)) return false;
   step = -factor.solve(best_->gradient);
@@ -343,10 +379,20 @@ bool ParticleBalance::descend(const Vec9& step, double tolerance) noexcept {
   return false;
 }
 
+// No contact has begun or ended, and no bridge.
+bool ParticleBalance::on_held_branches() const noexcept {
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
+    const ContactTrial& now = best_->contacts[i];
+    const Held& held = held_[i];
+    if (inside(now.law.branch) != inside(held.branch)) return false;
+    if (on_ground(i) && now.place.bridge.present != held.place.bridge.present) return false;
+    if (!held.lost && now.law.contact_radius_nm == 0.0) return false;
+  }
+  return true;
+}
+
 bool ParticleBalance::go_over() noexcept {
-  const auto inside = [](Branch branch) {
-    return branch == Branch::kContact || branch == Branch::kNonContact;
-  };
   bool over = false;
   for (int i = 0; i < kParticleContacts; ++i) {
     const Equilibrium& law = best_->contacts[i].law;
@@ -356,18 +402,22 @@ bool ParticleBalance::go_over() noexcept {
     held_[i].branch = law.branch;
     held_[i].place = place;
     jumps_ += law.jumps;
+    for (Trial& trial : trials_) trial.contacts[i].known = false;
     over = true;
   }
   if (over) evaluate(Vec9(best_->y), *best_);
   return over;
 }
 
-SolveStatus ParticleBalance::minimise() noexcept {
+SolveStatus ParticleBalance::minimise(bool to_the_end) noexcept {
   evaluate(Vec9(best_->y), *best_);
   if (!best_->valid) return SolveStatus::kNonFinite;
   for (int i = 0; i < kMaxIterations; ++i) {
     const double tolerance = tolerance_nn(*best_);
-    if (size(best_->gradient) <= tolerance) return SolveStatus::kOk;
+    const double off = size(best_->gradient);
+    if (off <= tolerance) return SolveStatus::kOk;
+    if (i > 0 && !to_the_end && off <= kRenewed * unsettled_nn() && on_held_branches())
+      return SolveStatus::kOk;
     ++iterations_;
     Vec9 step;
     bool done = false;
@@ -386,7 +436,29 @@ SolveStatus ParticleBalance::minimise() noexcept {
   return SolveStatus::kNotConverged;
 }
 
-void ParticleBalance::hold(bool first) noexcept {
+// What passes hold approaches its end as a geometric series, mostly of one ratio; this is how far beyond what was found the
+// next pass looks. Source  D. G. Anderson, J. ACM 12 (1965) 547, with one former step.
+double ParticleBalance::extrapolation(int pass) const noexcept {
+  if (pass < 2) return 0.0;
+  double along = 0, square = 0;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    const Held& held = held_[i];
+    if (held.lost || (asleep_ && i == kParticleSample)) continue;
+    const ContactTrial& now = best_->contacts[i];
+    const Vec3 gap = unit(now.normal_w) - held.normal_w;
+    const double radius_gap = (now.law.contact_radius_nm - held.contact_radius_nm) / held.contact_radius_nm;
+    const Vec3 change = gap - held.normal_gap;
+    const double radius_change = radius_gap - held.radius_gap_nm / held.contact_radius_nm;
+    along += gap.dot(change) + radius_gap * radius_change;
+    square += change.squaredNorm() + radius_change * radius_change;
+  }
+  const double share = along / square;
+  return std::abs(share) < 0.5 ? share : 0.0;  // also false if it is no number
+}
+
+void ParticleBalance::hold(int pass) noexcept {
+  const bool first = pass == 0;
+  const double share = extrapolation(pass);
   if (first) floor_nn_ = 0;
   for (int i = 0; i < kParticleContacts; ++i) {
     if (asleep_ && i == kParticleSample) continue;
@@ -399,8 +471,15 @@ void ParticleBalance::hold(bool first) noexcept {
       const ParticleModel::LevelGround& level = model_.level[i];
       held.at = held.radius_nm == level.radius_nm ? level.at : model_.at_radius(i, held.radius_nm);
     }
-    held.normal_w = unit(now.normal_w);
-    held.contact_radius_nm = first ? memory.contact_radius_nm : now.law.contact_radius_nm;
+    const Vec3 normal = unit(now.normal_w);
+    const double radius = first ? memory.contact_radius_nm : now.law.contact_radius_nm;
+    held.normal_gap = normal - held.normal_w;
+    held.radius_gap_nm = radius - held.contact_radius_nm;
+    held.normal_w = unit(normal - share * (normal - held.normal_found_w));
+    held.contact_radius_nm =
+        radius > 0.0 ? std::max(0.5 * radius, radius - share * (radius - held.radius_found_nm)) : radius;
+    held.normal_found_w = normal;
+    held.radius_found_nm = radius;
     const ContactScales& scales = held.at.scales;
     held.stiffest_n_m = kSteepest * scales.force_nn / scales.overlap_nm;
     if (first && i != kTipSample) floor_nn_ += scales.force_nn;
@@ -426,25 +505,25 @@ void ParticleBalance::hold(bool first) noexcept {
   }
 }
 
-bool ParticleBalance::settled() const noexcept {
+// Force by which friction is another one than what was held: infinite if a contact that holds friction has ended.
+double ParticleBalance::unsettled_nn() const noexcept {
   const double lever = model_.parameters.particle_radius_nm;
+  double most = 0;
   for (int i = 0; i < kParticleContacts; ++i) {
     if (asleep_ && i == kParticleSample) continue;
     const ContactTrial& now = best_->contacts[i];
     const Held& held = held_[i];
-    const double tolerance = kSettled * best_->load_nn;
-    const double friction = now.slide.force.norm() + (now.roll.force.norm() + now.spin.force.norm()) / lever;
+    const double friction = now.slide.size + (now.roll.size + now.spin.size) / lever;
     // On the ground it is no more than rolling friction that takes the radius as it was held.
-    const double by_radius = on_ground(i) ? now.roll.force.norm() / lever : std::abs(now.law.force_nn);
-    if (std::abs(now.radius_nm - held.radius_nm) * by_radius > tolerance * held.radius_nm) return false;
-    if (held.lost) continue;
-    if (friction == 0.0) continue;
+    const double by_radius = on_ground(i) ? now.roll.size / lever : std::abs(now.law.force_nn);
+    most = std::max(most, std::abs(now.radius_nm / held.radius_nm - 1.0) * by_radius);
+    if (held.lost || friction == 0.0) continue;
     const double a = now.law.contact_radius_nm;
-    if (a == 0.0) return false;
-    if ((unit(now.normal_w) - held.normal_w).norm() * friction > tolerance) return false;
-    if (std::abs(a - held.contact_radius_nm) * friction > tolerance * a) return false;
+    if (a == 0.0) return std::numeric_limits<double>::infinity();
+    most = std::max(most, (unit(now.normal_w) - held.normal_w).norm() * friction);
+    most = std::max(most, std::abs(held.contact_radius_nm / a - 1.0) * friction);
   }
-  return true;
+  return most;
 }
 
 SolveStatus ParticleBalance::solve() noexcept {
@@ -454,10 +533,10 @@ SolveStatus ParticleBalance::solve() noexcept {
   best_->contacts[kTipParticle].normal_w = unit(from_.particle_centre_w_nm - from_.tip_centre_w_nm);
   best_->contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
   for (int pass = 0; pass < kMaxPasses; ++pass) {
-    hold(pass == 0);
-    const SolveStatus status = minimise();
+    hold(pass);
+    const SolveStatus status = minimise(pass >= kShortPasses);
     if (status != SolveStatus::kOk) return status;
-    if (settled()) return SolveStatus::kOk;
+    if (unsettled_nn() <= kSettled * best_->load_nn) return SolveStatus::kOk;
   }
   // Swinging on a rough surface: balanced with what was held, unless a contact that holds friction has ended.
   for (int i = 0; i < kParticleContacts; ++i) {

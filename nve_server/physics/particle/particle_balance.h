@@ -25,7 +25,8 @@ namespace telenano::physics {
 /// as positive, each step shortened until Π falls; so a state that ceases to be stable runs downhill to the
 /// next one, as an overdamped one does. What the friction takes from the state (n, a, effective radius) is
 /// held during one such minimisation and renewed after it, until it is what it was taken to be: at the end
-/// the bristles' limits are those of the contact radii reported, and forces and torques balance. A contact
+/// the bristles' limits are those of the contact radii reported, and forces and torques balance. The first
+/// minimisations end as soon as what they hold is the larger error, and from the third on what is held is extrapolated. A contact
 /// that begins in this step carries friction from the next one on; one that ends carries none in this.
 ///
 /// The two U_i of the ground are functions of the place alone (tip_potential.h), U(δ, ρ) with ρ = ln R_eff a
@@ -57,6 +58,9 @@ class ParticleBalance {
     PotentialBranch place;            ///< on the ground: the branch that U is of
     double radius_nm = 0;             ///< effective, at this place
     BristleResponse slide, roll, spin;
+    bool known = false;  ///< the law's part is that of centre_w_nm and of the branch that is held
+    Vec3 centre_w_nm =
+        Vec3::Zero();  ///< of tip or particle on the ground; between the two from tip to particle
   };
   struct Trial {
     Vec9 y = Vec9::Zero();
@@ -95,19 +99,25 @@ class ParticleBalance {
     Bristle slide, roll, spin;
     Vec3 slide_nm = Vec3::Zero(), roll_rad = Vec3::Zero(), spin_rad = Vec3::Zero();
     bool lost = false;
+    // What the last pass found for what it had held, and how far the two were apart.
+    Vec3 normal_found_w = Vec3::UnitZ(), normal_gap = Vec3::Zero();
+    double radius_found_nm = 0, radius_gap_nm = 0;
   };
 
   static constexpr bool on_ground(int i) noexcept { return i != kTipParticle; }
   bool lean(int i, const Vec3& centre_w_nm, ContactTrial& contact) noexcept;
+  bool touch(const Vec3& apart_w_nm, ContactTrial& contact) noexcept;
   void evaluate(const Vec9& y, Trial& trial) noexcept;
-  void hold(bool first) noexcept;
-  bool settled() const noexcept;
-  SolveStatus minimise() noexcept;
+  void hold(int pass) noexcept;
+  double extrapolation(int pass) const noexcept;
+  double unsettled_nn() const noexcept;
+  bool on_held_branches() const noexcept;
+  SolveStatus minimise(bool to_the_end) noexcept;
   double excess(const Vec9& step) const noexcept;
   bool find_step(bool convex, Vec9& step) noexcept;
   bool descend(const Vec9& step, double tolerance) noexcept;
   bool go_over() noexcept;
-  Mat9 hessian(const Trial& trial, bool convex) const noexcept;
+  void hessian(const Trial& trial, bool convex, Mat9& h) const noexcept;
   bool find_tip_step(bool convex, Vec9& step) const noexcept;
   double size(const Vec9& gradient) const noexcept;
   double tolerance_nn(const Trial& trial) const noexcept;

@@ -26,34 +26,42 @@ struct Bristle {
 struct BristleResponse {
   Vec3 force = Vec3::Zero();  ///< gradient of E: resists a motion along +Δs
   Vec3 deflection = Vec3::Zero();
-  Mat3 tangent = Mat3::Zero();  ///< Hessian of E
-  double envelope = 0;          ///< E
-  double stored = 0;            ///< ½k s² after the return
-  double dissipated = 0;        ///< L·slip >= 0
+  // The Hessian of E is stiffness (1 − along alongᵀ): a bristle that slips gives way along its force.
+  double stiffness = 0;
+  Vec3 along = Vec3::Zero();  ///< unit vector, 0 while nothing slips
+  double size = 0;            ///< |force|
+  double envelope = 0;        ///< E
+  double stored = 0;          ///< ½k s² after the return
+  double dissipated = 0;      ///< L·slip >= 0
   bool slips = false;
+
+  /// Hessian of E.
+  Mat3 tangent() const noexcept { return stiffness * (Mat3::Identity() - along * along.transpose()); }
 };
 
 inline void respond(const Bristle& bristle, const Vec3& trial, BristleResponse& out) noexcept {
   renew(out);
   if (!bristle.acts()) return;
   const double k = bristle.stiffness;
-  const double reach = bristle.limit / k;
   const double length = trial.norm();
-  if (length <= reach) {
+  if (k * length <= bristle.limit) {
     out.deflection = trial;
     out.force = k * trial;
+    out.size = k * length;
     out.stored = out.envelope = 0.5 * k * length * length;
-    out.tangent = k * Mat3::Identity();
+    out.stiffness = k;
     return;
   }
-  const Vec3 along = trial / length;
+  const double reach = bristle.limit / k;
   out.slips = true;
-  out.deflection = reach * along;
-  out.force = bristle.limit * along;
+  out.stiffness = bristle.limit / length;
+  out.along = trial / length;
+  out.deflection = reach * out.along;
+  out.force = bristle.limit * out.along;
+  out.size = bristle.limit;
   out.stored = 0.5 * bristle.limit * reach;
   out.dissipated = bristle.limit * (length - reach);
   out.envelope = out.stored + out.dissipated;
-  out.tangent = (bristle.limit / length) * (Mat3::Identity() - along * along.transpose());
 }
 
 inline BristleResponse respond(const Bristle& bristle, const Vec3& trial) noexcept {

@@ -20,7 +20,7 @@ TEST(ParticleBristle, ForceIsTheGradientOfTheEnvelope) {
       const BristleResponse down = respond(bristle, s - kH * Vec3::Unit(axis));
       // Central differences: h² times the third derivative, some 100.
       EXPECT_NEAR((up.envelope - down.envelope) / (2 * kH), at.force[axis], 1e-7);
-      EXPECT_LT(((up.force - down.force) / (2 * kH) - at.tangent.col(axis)).norm(), 1e-6);
+      EXPECT_LT(((up.force - down.force) / (2 * kH) - at.tangent().col(axis)).norm(), 1e-6);
     }
     EXPECT_LE(at.force.norm(), 6.0 * (1 + 1e-15));
     EXPECT_NEAR(at.stored, 0.5 * 30 * at.deflection.squaredNorm(), 1e-12);
