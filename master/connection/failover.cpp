@@ -35,8 +35,10 @@ LeaveCause leaves(const link::ClientSession& session, bool nobody_listens, std::
     case link::ClientState::kChallenged:
       break;
   }
+  if (session.turned_away() && waited_ns > kLeaveLeastNs) return LeaveCause::kRefused;
   if (nobody_listens && waited_ns > kLeaveLeastNs) return LeaveCause::kNobodyListens;
-  return waited_ns > kLeavePatienceNs ? LeaveCause::kSilent : LeaveCause::kNone;
+  const bool searches = session.state() == link::ClientState::kChallenged;
+  return waited_ns > (searches ? kSearchPatienceNs : kLeavePatienceNs) ? LeaveCause::kSilent : LeaveCause::kNone;
 }
 
 }  // namespace telenano::connection

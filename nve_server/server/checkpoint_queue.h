@@ -31,7 +31,7 @@ struct CheckpointNote {
   enum class Kind : std::uint8_t {
     kState,     ///< as it is now: `size` bytes in `buffer`
     kHandOut,   ///< the same, for the last time: whoever asks for it next may have it
-    kGiveBack,  ///< it was taken up for nothing: whoever asks for it next may have it
+    kGiveBack,  ///< as it was written last: whoever asks for it next may have it
     kEnded      ///< nobody may have it any more
   };
   Kind kind = Kind::kState;
@@ -88,8 +88,8 @@ class CheckpointQueue {
     bell_.ring();
     return posted;
   }
-  /// Is the keeper done with all states?
-  bool idle() const noexcept { return done_.load(std::memory_order_acquire) == posted_; }
+  /// Is the keeper done with all states, and with what lets sessions go?
+  bool idle() const noexcept { return done_.load(std::memory_order_acquire) == posted_ && !lets_go(); }
 
   // Both.
 

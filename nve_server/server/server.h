@@ -146,6 +146,7 @@ class Server {
   void let_go(const HandoffMessage& message) noexcept;
   std::uint64_t party_of(const net::Address& from, std::uint64_t owner) const noexcept;
   void write_checkpoints(std::int64_t now_ns) noexcept;
+  bool post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept;
   std::size_t post_checkpoint(std::size_t slot, CheckpointNote::Kind kind, std::int64_t now_ns) noexcept;
   void end_checkpoints(SessionRecord& record) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,

@@ -14,6 +14,8 @@ using link::SlotState;
 /// Written in one look at the time-outs: what a state takes of the loop's time goes with its size, also where it
 /// is mostly a search for marks.
 constexpr std::size_t kBytesPerLook = 65536;
+/// A state that is handed out may be as old as this: whoever takes it up is told its age, and it lives --resume-s from then on.
+constexpr std::int64_t kFreshNs = 5'000'000'000;
 
 bool is_kept(const link::Session& session) noexcept {
   return session.used && (session.state == SlotState::kActive || session.state == SlotState::kSilent);
@@ -71,12 +73,27 @@ void Server::end_checkpoints(SessionRecord& record) noexcept {
   config_.checkpoints->post(note);
 }
 
+/// A session that has not moved since its last state was written needs no new one: of thousands at 1 Hz that is most.
+bool Server::post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept {
+  SessionRecord& record = records_[slot];
+  if (record.token == 0 || record.changed || now_ns - record.checked_ns > kFreshNs)
+    return post_checkpoint(slot, CheckpointNote::Kind::kHandOut, now_ns) != 0;
+  CheckpointNote note;
+  note.kind = CheckpointNote::Kind::kGiveBack;
+  note.token = record.token;
+  note.owner = record.owner;
+  note.number = record.checkpoints + 1;
+  if (!config_.checkpoints->post(note)) return false;
+  ++record.checkpoints;
+  return true;
+}
+
 bool Server::hand_out(std::int64_t now_ns) noexcept {
   if (config_.checkpoints == nullptr) return true;
   shutting_down_ = true;
   for (; next_hand_out_ < table_.capacity(); ++next_hand_out_) {
     if (!is_kept(table_[next_hand_out_]) || !tips_[next_hand_out_].slave) continue;
-    if (post_checkpoint(next_hand_out_, CheckpointNote::Kind::kHandOut, now_ns) == 0) return false;
+    if (!post_hand_out(next_hand_out_, now_ns)) return false;
     // Its tip is another server's from now on, and is not withdrawn here.
     tips_[next_hand_out_] = {};
     ++counters_.handed_out;

@@ -47,7 +47,10 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
   link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
   if (verdict.kind == Kind::kAskOthers) {
     verdict.kind = Kind::kDrop;
-    verdict.cause = search_.ask(hello, from, standing, now_ns);
+    // Those that are on their way have the free places: one more would be taken from where it waits, and find none.
+    const std::size_t free = table_.capacity() - table_.occupied();
+    const bool has_place = search_.expected() == 0 || search_.expected() < free;
+    verdict.cause = has_place ? search_.ask(hello, from, standing, now_ns) : DropCause::kRateLimited;
   }
   if (verdict.kind == Kind::kOpen) {
     const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;

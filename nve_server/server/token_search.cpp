@@ -43,7 +43,8 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
     if (to == worker_) continue;
     ++q.unheard;
     // Where there is no room the question goes unheard and grows old; nothing is opened twice for it.
-    mail_->post(to, message);
+    const bool posted = mail_->post(to, message);
+    if (posted && to == mail_->workers()) ++expected_;
   }
   return link::DropCause::kNone;
 }

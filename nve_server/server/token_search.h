@@ -44,6 +44,9 @@ class TokenSearch {
                       std::int64_t now_ns) noexcept;
   /// An answer to `ticket`: `final` if nobody else needs to be heard.
   void on_answer(std::uint32_t ticket, bool final) noexcept;
+  /// Sessions that others may be about to send: questions that the keeper has not answered, forgotten ones too.
+  std::size_t expected() const noexcept { return expected_; }
+  void keeper_answered() noexcept { expected_ -= expected_ > 0 ? 1 : 0; }
   /// One that is answered, and free from now on; its Hello can be judged. False: none.
   bool take_answered(Question& question) noexcept;
   /// Who waits for the answer to `ticket`; null: nobody any more.
@@ -54,6 +57,7 @@ class TokenSearch {
   WorkerMail* mail_;
   std::size_t worker_;
   std::size_t open_ = 0;
+  std::size_t expected_ = 0;
   std::array<Question, WorkerMail::kOpenQuestions> questions_;
 };
 

@@ -36,6 +36,7 @@ class CheckpointBox {
         kept_.erase(note.token);
         ++ended_;
       }
+      queue_.done(note);
     }
     server::HandoffMessage question;
     while (mail_.fetch(1, question)) {
