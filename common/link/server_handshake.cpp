@@ -109,15 +109,15 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     verdict.slot = old;
     return verdict;
   }
-  const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
   if (hello.resume_token != 0 && context.others) {
     // Taken from where it waits, it would find no place here.
-    if (!table.has_room(opener)) return refuse(RefuseReason::kFull, DropCause::kFull);
+    if (!table.has_place(context.rank)) return refuse(RefuseReason::kFull, DropCause::kFull);
     verdict.kind = Kind::kAskOthers;
     return verdict;
   }
   if (context.draining) return refuse(RefuseReason::kShuttingDown, DropCause::kUnexpected);
   // What cannot be had costs the others none of the shared rate.
+  const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
   if (!context.has_time || !table.has_room(opener) || !has_place())
     return refuse(RefuseReason::kFull, DropCause::kFull);
   if (!context.may_open || !take_opening(opener.party, now_ns)) return drop(DropCause::kRateLimited);

@@ -126,6 +126,8 @@ class SessionTable {
   void begin_anew(std::size_t slot, std::uint64_t nonce, std::int64_t now_ns) noexcept;
   void end(std::size_t slot,
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
+  /// Would adopt() find one for a session of this rank?
+  bool has_place(std::uint8_t rank) const noexcept { return place(rank) != kNone; }
   void release(std::size_t slot) noexcept { replace(slot, {}); }
   /// Takes in a session of another shard, as it is there, so that it can be resumed here; it then gets an id
   /// of this table. In place of what open() would give up for it; kNone: there is none.

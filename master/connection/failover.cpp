@@ -38,7 +38,8 @@ LeaveCause leaves(const link::ClientSession& session, bool nobody_listens, std::
   if (session.turned_away() && waited_ns > kLeaveLeastNs) return LeaveCause::kRefused;
   if (nobody_listens && waited_ns > kLeaveLeastNs) return LeaveCause::kNobodyListens;
   const bool searches = session.state() == link::ClientState::kChallenged;
-  return waited_ns > (searches ? kSearchPatienceNs : kLeavePatienceNs) ? LeaveCause::kSilent : LeaveCause::kNone;
+  return waited_ns > (searches ? kSearchPatienceNs : kLeavePatienceNs) ? LeaveCause::kSilent
+                                                                       : LeaveCause::kNone;
 }
 
 }  // namespace telenano::connection

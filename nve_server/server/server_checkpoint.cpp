@@ -141,6 +141,22 @@ void Server::restore(SessionState& state, std::uint32_t ticket) noexcept {
   }
 }
 
+/// Taken up, but other workers had the last places under the cap meanwhile: its station asks elsewhere next.
+void Server::give_back(std::uint64_t token, std::uint64_t owner) noexcept {
+  const std::size_t slot = table_.find_token(token, owner);
+  if (slot == link::SessionTable::kNone || !records_[slot].restored || config_.checkpoints == nullptr) return;
+  SessionRecord& record = records_[slot];
+  CheckpointNote note;
+  note.kind = CheckpointNote::Kind::kGiveBack;
+  note.token = record.token;
+  note.owner = record.owner;
+  note.number = record.checkpoints + 1;
+  if (!config_.checkpoints->post(note)) return;
+  record.token = 0;
+  forget(slot, now_ns_);
+  table_.release(slot);
+}
+
 /// Its station is told that there is no such session, and asks again.
 void Server::let_go(const HandoffMessage& message) noexcept {
   const std::size_t slot = table_.find_token(message.token, message.owner);

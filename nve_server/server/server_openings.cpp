@@ -47,10 +47,7 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
   link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
   if (verdict.kind == Kind::kAskOthers) {
     verdict.kind = Kind::kDrop;
-    // Those that are on their way have the free places: one more would be taken from where it waits, and find none.
-    const std::size_t free = table_.capacity() - table_.occupied();
-    const bool has_place = search_.expected() == 0 || search_.expected() < free;
-    verdict.cause = has_place ? search_.ask(hello, from, standing, now_ns) : DropCause::kRateLimited;
+    verdict.cause = may_take_up() ? search_.ask(hello, from, standing, now_ns) : DropCause::kRateLimited;
   }
   if (verdict.kind == Kind::kOpen) {
     const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;
@@ -65,6 +62,14 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
     charge_opening(party, begin_ns);
   }
   return verdict;
+}
+
+/// Those that are on their way here, or wait here for their stations, keep their places: one more would be taken from where it
+/// waits and find none, or end one of them.
+bool Server::may_take_up() const noexcept {
+  const std::size_t free = table_.capacity() - table_.occupied();
+  if (free > 0 || search_.expected() > 0) return search_.expected() < free;
+  return std::none_of(records_.begin(), records_.end(), [](const SessionRecord& r) { return r.restored; });
 }
 
 void Server::open(std::size_t slot) noexcept {
@@ -102,6 +107,8 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       return codec_.encode(verdict.challenge, out);
     case Kind::kRefuse:
       audit_refusal(verdict.refuse.reason, from, standing, now_ns);
+      if (verdict.refuse.reason == link::RefuseReason::kFull)
+        give_back(hello.resume_token, standing.identity);
       return codec_.encode(verdict.refuse, out);
     case Kind::kOpen:
       open(verdict.slot);

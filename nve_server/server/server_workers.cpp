@@ -58,7 +58,8 @@ void Server::exchange_mail() noexcept {
   if (!search_.has_others()) return;
   HandoffMessage message;
   while (config_.mail->fetch(config_.worker, message)) {
-    const bool answers = message.kind == HandoffMessage::Kind::kNotHere || message.kind == HandoffMessage::Kind::kState;
+    const bool answers =
+        message.kind == HandoffMessage::Kind::kNotHere || message.kind == HandoffMessage::Kind::kState;
     if (answers && message.from == config_.mail->workers()) search_.keeper_answered();
     switch (message.kind) {
       case HandoffMessage::Kind::kAsk: {

@@ -17,7 +17,7 @@ import unittest
 from real_programs import Program, RealPrograms
 
 NVE, LAB = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
-SESSIONS = int(sys.argv[3]) if len(sys.argv) > 3 else 4000
+SESSIONS = int(sys.argv[3]) if len(sys.argv) > 3 else 10_000
 RATE_HZ = sys.argv[4] if len(sys.argv) > 4 else "1"
 SERVERS = 4
 PLACES = 4096  # of one server, the most

@@ -89,6 +89,31 @@ TEST(HandOver, HandedOutInContactTheTipStaysWhereItIs) {
   }
 }
 
+/// The state of a session that has not moved since it was written is let go as it lies there: so a server with
+/// thousands of slow sessions is gone soon.
+TEST(HandOver, WhatHasNotMovedSinceItWasWrittenIsNotWrittenAgain) {
+  for (const bool moves : {false, true}) {
+    SCOPED_TRACE(moves);
+    KeptWall wall(Method::kTank);
+    wall.press();
+    const int before = wall.box->written();
+    while (wall.box->written() == before) wall.step();
+    wall.steps(990);  // the next is due in 10 ms
+    wall.session->server().poll(wall.session->now_ns() + 20'000'000);
+    wall.box->work();
+    ASSERT_EQ(wall.box->written(), before + 2);
+    const std::uint32_t epoch = wall.session->client().welcome().epoch;
+    if (moves) wall.steps(20);
+    wall.session->hand_out_server();
+    EXPECT_EQ(wall.session->server().counters().handed_out, 1u);
+    EXPECT_EQ(wall.box->written(), before + (moves ? 3 : 2));
+    wall.session->restart_server();
+    wall.steps(4000);
+    wall.goes_on(epoch, 1);
+    EXPECT_GT(wall.watch->force_nn, 5) << "felt again";
+  }
+}
+
 /// The hand presses, a checkpoint is kept for ever, the hand lets go and has its energy back; then the server
 /// dies, the hand goes down where nothing is felt, and the server comes back with the spring loaded; and that
 /// again and again.

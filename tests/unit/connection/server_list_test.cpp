@@ -7,6 +7,7 @@
 #include <span>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/link/codec.h"
 #include "telenano/master/connection/failover.h"
 
 namespace telenano::connection {
@@ -63,6 +64,58 @@ TEST(Leaves, AnEmptyPortSoonerButNotForWhatWasSaidOfAnEarlierAttempt) {
   session.start(kStartNs);
   EXPECT_EQ(leaves(session, true, kStartNs + kLeaveLeastNs), LeaveCause::kNone);
   EXPECT_EQ(leaves(session, true, kStartNs + kLeaveLeastNs + 1), LeaveCause::kNobodyListens);
+}
+
+/// A whole handshake by hand: the station's session stands, then its server is silent and it begins anew.
+void have_had_a_session(link::ClientSession& session) {
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+  link::Codec codec;
+  session.start(kStartNs);
+  link::Incoming hello;
+  ASSERT_EQ(codec.decode(std::span(out).first(session.poll(kStartNs, out)), hello), link::DropCause::kNone);
+  link::Welcome welcome;
+  welcome.nonce = hello.hello.nonce;
+  welcome.session_id = 5;
+  welcome.epoch = 3;
+  welcome.resume_token = 9;
+  welcome.timeout_ms = 500;
+  welcome.workspace_min_w_nm = {-1, -1, -1};
+  welcome.workspace_max_w_nm = {1, 1, 1};
+  welcome.force_max_nn = 10;
+  const std::size_t n = codec.encode(welcome, out);
+  ASSERT_EQ(session.on_datagram(std::span(out).first(n), kStartNs), link::ClientEvent::kWelcome);
+  session.start(kStartNs);
+}
+
+TEST(Leaves, OneThatHasNoPlaceSoon) {
+  link::ClientSession session({});
+  have_had_a_session(session);
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+  link::Codec codec;
+  link::Incoming hello;
+  ASSERT_EQ(codec.decode(std::span(out).first(session.poll(kStartNs, out)), hello), link::DropCause::kNone);
+  const link::Refuse full{hello.hello.nonce, link::RefuseReason::kFull, 1, 1};
+  const std::size_t n = codec.encode(full, out);
+  ASSERT_EQ(session.on_datagram(std::span(out).first(n), kStartNs), link::ClientEvent::kRefused);
+  EXPECT_TRUE(session.turned_away());
+  EXPECT_EQ(leaves(session, false, kStartNs + kLeaveLeastNs), LeaveCause::kNone);
+  EXPECT_EQ(leaves(session, false, kStartNs + kLeaveLeastNs + 1), LeaveCause::kRefused);
+  session.start(kStartNs + 2 * kLeaveLeastNs);
+  EXPECT_FALSE(session.turned_away()) << "the next one has not said anything yet";
+}
+
+// It has the session, or soon will: who left now would find it nowhere.
+TEST(Leaves, OneThatLooksForTheSessionLater) {
+  link::ClientSession session({});
+  session.start(kStartNs);
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+  link::Codec codec;
+  link::Incoming hello;
+  ASSERT_EQ(codec.decode(std::span(out).first(session.poll(kStartNs, out)), hello), link::DropCause::kNone);
+  const std::size_t n = codec.encode(link::Challenge{hello.hello.nonce, 7}, out);
+  ASSERT_EQ(session.on_datagram(std::span(out).first(n), kStartNs), link::ClientEvent::kChallenge);
+  EXPECT_EQ(leaves(session, false, kStartNs + kSearchPatienceNs), LeaveCause::kNone);
+  EXPECT_EQ(leaves(session, false, kStartNs + kSearchPatienceNs + 1), LeaveCause::kSilent);
 }
 
 TEST(Leaves, NeverOneThatIsClosedOrWasNotBegun) {
