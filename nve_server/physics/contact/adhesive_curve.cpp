@@ -6,13 +6,10 @@
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/physics/contact/joined_law.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 namespace telenano::physics {
-namespace {
-
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-}  // namespace
+namespace {}  // namespace
 
 AdhesiveCurve::AdhesiveCurve(double lambda, const ClosedFormCoefficients& coefficients,
                              bool van_der_waals) noexcept

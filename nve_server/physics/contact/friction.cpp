@@ -5,15 +5,14 @@
 #include <string>
 
 #include "telenano/common/base/constants.h"
-#include "telenano/common/base/error.h"
 #include "telenano/common/base/renew.h"
+#include "telenano/nve_server/physics/numerics/require.h"
 
 namespace telenano::physics {
 namespace {
 
-void require(bool good, const char* what, double value) {
-  if (good && std::isfinite(value)) return;
-  throw UserError(std::string("friction: ") + what + ", not " + std::to_string(value));
+void require_finite(bool good, const char* what, double value) {
+  require(good && std::isfinite(value), what, value);
 }
 
 // A vector perpendicular to `from` after the least rotation that takes `from` to `to` (Rodrigues' formula).
@@ -29,14 +28,15 @@ Vec3 carry(const Vec3& v, const Vec3& from, const Vec3& to) noexcept {
 
 Friction::Friction(const FrictionParameters& parameters) : parameters_(parameters) {
   const FrictionParameters& p = parameters;
-  require(p.shear_strength_gpa >= 0.0, "shear strength must be >= 0 and finite (GPa)", p.shear_strength_gpa);
-  require(p.coefficient >= 0.0, "coefficient must be >= 0 and finite", p.coefficient);
-  require(p.shear_strength_gpa + p.coefficient > 0.0, "shear strength or coefficient must be positive",
-          p.shear_strength_gpa);
-  require(p.shear_modulus_gpa > 0.0, "shear modulus G* must be positive and finite (GPa)",
-          p.shear_modulus_gpa);
-  require(p.kinetic_ratio > 0.0 && p.kinetic_ratio <= 1.0, "kinetic ratio must be more than 0, at most 1",
-          p.kinetic_ratio);
+  require_finite(p.shear_strength_gpa >= 0.0, "friction: shear strength must be >= 0 and finite (GPa)",
+                 p.shear_strength_gpa);
+  require_finite(p.coefficient >= 0.0, "friction: coefficient must be >= 0 and finite", p.coefficient);
+  require_finite(p.shear_strength_gpa + p.coefficient > 0.0,
+                 "friction: shear strength or coefficient must be positive", p.shear_strength_gpa);
+  require_finite(p.shear_modulus_gpa > 0.0, "friction: shear modulus G* must be positive and finite (GPa)",
+                 p.shear_modulus_gpa);
+  require_finite(p.kinetic_ratio > 0.0 && p.kinetic_ratio <= 1.0,
+                 "friction: kinetic ratio must be more than 0, at most 1", p.kinetic_ratio);
 }
 
 double Friction::limit_nn(double contact_radius_nm, double normal_force_nn) const noexcept {

@@ -1,7 +1,7 @@
 #include "telenano/nve_server/physics/contact/hertzian_curve.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 #include <cmath>
-#include <limits>
 
 namespace telenano::physics {
 
@@ -34,7 +34,6 @@ CurveSolution HertzianCurve::solve(double z, const Held& held, double guess) con
     const double ratio = y / held.load;
     s = std::fmin(s > 0 ? s : ratio, std::fmax(ratio, std::sqrt(ratio)));
   }
-  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   for (int i = 1; i <= 60; ++i) {
     const double root = std::sqrt(s);
     const double rate = held.overlap + 1.5 * held.load * root;

@@ -7,12 +7,12 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 #include "telenano/nve_server/physics/numerics/sign_change.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kGuessDone = 0.02;
 constexpr double kTowardsOnset = 0.5;  // u below which the curve goes by sqrt(u)
 constexpr double kHardlyBent = 1e-3;   // the root's series leaves out 1e-12 of the step

@@ -4,15 +4,14 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 
+#include "telenano/nve_server/physics/numerics/numbers.h"
 #include "telenano/nve_server/physics/numerics/sign_change.h"
 
 namespace telenano::physics {
 namespace {
 
 constexpr Held kOverlap{1.0, 0.0};
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 using Cubic = std::array<double, 4>;
 

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "telenano/nve_server/physics/law/long_range_piece.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 #include "telenano/nve_server/physics/numerics/sign_change.h"
 
 namespace telenano::physics {
@@ -121,8 +122,6 @@ class LongRangeBalance {
   }
 
  private:
-  static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
   /// Where the slope dZ/d(delta), concave, is greatest (golden section).
   double steepest(double from, double to) const noexcept {
     constexpr double kGolden = 0.6180339887498949;

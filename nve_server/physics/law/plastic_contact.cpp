@@ -10,13 +10,14 @@
 namespace telenano::physics {
 namespace {
 
-constexpr double kYieldSlack = 1e-9;   // of πHa*²: what was left by a flow must not flow again by rounding
-constexpr double kFlowDone = 1e-11;    // of πHa*², well within that slack
-constexpr int kMaxTrials = 100;        // of the root in a*: some 4 are usual
-constexpr int kMaxDoublings = 120;     // to bracket it
-constexpr int kMaxLineTrials = 40;     // to find a state on the line of flow
-constexpr double kLineDone = 1e-11;    // of πHa*²
-constexpr double kPieceRatio = 1.5;    // of a*, for the quadrature
+constexpr double kLevelYieldSlack =
+    1e-9;  // of πHa*²: what was left by a flow must not flow again by rounding
+constexpr double kLevelFlowDone = 1e-11;  // of πHa*², well within that slack
+constexpr int kMaxTrials = 100;           // of the root in a*: some 4 are usual
+constexpr int kMaxDoublings = 120;        // to bracket it
+constexpr int kMaxLineTrials = 40;        // to find a state on the line of flow
+constexpr double kLineDone = 1e-11;       // of πHa*²
+constexpr double kPieceRatio = 1.5;       // of a*, for the quadrature
 constexpr double kShortRatio = 1.002;  // of a*: the trapezium's own error is 1e-7 of the piece's work there
 
 }  // namespace
@@ -154,7 +155,7 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
   const FlowFamily family(strain_, origin, last);
   const double hard = kPi * hardness_gpa_;
   const double r_from = (elastic.force_nn - yield_force_at(from, origin)) / (hard * from * from);
-  if (!(r_from > kYieldSlack)) {
+  if (!(r_from > kLevelYieldSlack)) {
     state = elastic_state;
     return out;
   }
@@ -181,7 +182,7 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
   double high = from + std::clamp(1.05 * guess, 1e-9 * from, 2.0 * from);
   double r_high = overload(high);
   double widen = 1.01;
-  for (int i = 0; i < kMaxDoublings && r_high > kFlowDone; ++i) {
+  for (int i = 0; i < kMaxDoublings && r_high > kLevelFlowDone; ++i) {
     low = high;
     r_low = r_high;
     high *= widen;
@@ -192,7 +193,7 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
   double a = high;
   double r = r_high;
   int side = 0;
-  for (int i = 0; i < kMaxTrials && std::abs(r) > kFlowDone && high - low > 1e-15 * high; ++i) {
+  for (int i = 0; i < kMaxTrials && std::abs(r) > kLevelFlowDone && high - low > 1e-15 * high; ++i) {
     a = low + (high - low) * (r_low / (r_low - r_high));
     if (!(a > low && a < high)) a = 0.5 * (low + high);
     r = overload(a);
@@ -208,7 +209,7 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
       side = -1;
     }
   }
-  if (eq.status != SolveStatus::kOk || !(std::abs(r) < kYieldSlack)) {
+  if (eq.status != SolveStatus::kOk || !(std::abs(r) < kLevelYieldSlack)) {
     out.equilibrium = Equilibrium{};
     out.equilibrium.status =
         eq.status == SolveStatus::kNonFinite ? SolveStatus::kNonFinite : SolveStatus::kNotConverged;

@@ -13,6 +13,10 @@
 namespace telenano::physics {
 
 enum class Branch : std::uint8_t { kFree, kVanDerWaals, kNonContact, kContact };
+/// On the contact law's curve, not outside it.
+constexpr bool is_on_curve(Branch branch) noexcept {
+  return branch == Branch::kContact || branch == Branch::kNonContact;
+}
 
 /// One sphere on one locally spherical sample: what the force law needs, in nm, nN, GPa, N/m.
 struct TipSampleParameters {

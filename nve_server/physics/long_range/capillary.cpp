@@ -6,7 +6,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
-#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/numerics/require.h"
 
 namespace telenano::physics {
 namespace {
@@ -15,10 +15,6 @@ namespace {
 constexpr double kKelvinPerTension = 18.05e-6 / (8.31446261815324 * 293.15) * 1e9;
 constexpr double kRadiansPerDegree = kPi / 180.0;
 constexpr double kDugdaleRangeOverA0 = 0.97427857925749347766;  // 9 sqrt(3)/16
-
-void require(bool good, const char* what, double value) {
-  if (!good) throw UserError(std::string("capillary bridge: ") + what + ", not " + std::to_string(value));
-}
 
 }  // namespace
 
@@ -30,24 +26,28 @@ double Capillary::adhesion_n_m(const CapillaryParameters& p) noexcept {
 
 Capillary::Capillary(const CapillaryParameters& p, const DisplacedAttraction& displaced)
     : displaced_(displaced) {
-  require(p.humidity_percent >= 0 && p.humidity_percent < 100, "humidity must be 0 (none) to below 100 %",
-          p.humidity_percent);
+  require(p.humidity_percent >= 0 && p.humidity_percent < 100,
+          "capillary bridge: humidity must be 0 (none) to below 100 %", p.humidity_percent);
   require(std::isfinite(p.volume_nm3) && p.volume_nm3 >= 0,
-          "volume must be finite and positive, or 0 for that of the humidity (nm^3)", p.volume_nm3);
+          "capillary bridge: volume must be finite and positive, or 0 for that of the humidity (nm^3)",
+          p.volume_nm3);
   require(p.volume_nm3 == 0 || p.model == CapillaryModel::kConstantVolume,
-          "a volume goes with the constant-volume model only", p.volume_nm3);
+          "capillary bridge: a volume goes with the constant-volume model only", p.volume_nm3);
   active_ = p.humidity_percent > 0 || p.volume_nm3 > 0;
   for (const double angle : {p.contact_angle_tip_deg, p.contact_angle_sample_deg})
-    require(angle >= 0 && angle <= 180, "contact angles must be 0 to 180 degrees", angle);
+    require(angle >= 0 && angle <= 180, "capillary bridge: contact angles must be 0 to 180 degrees", angle);
   require(std::isfinite(p.surface_tension_n_m) && p.surface_tension_n_m > 0,
-          "surface tension must be finite and positive (N/m)", p.surface_tension_n_m);
-  require(std::isfinite(p.film_nm) && p.film_nm >= 0, "film must be finite, 0 or more (nm)", p.film_nm);
+          "capillary bridge: surface tension must be finite and positive (N/m)", p.surface_tension_n_m);
+  require(std::isfinite(p.film_nm) && p.film_nm >= 0, "capillary bridge: film must be finite, 0 or more (nm)",
+          p.film_nm);
   if (!active_) return;
 
   const double tip = kRadiansPerDegree * p.contact_angle_tip_deg;
   const double sample = kRadiansPerDegree * p.contact_angle_sample_deg;
   const double cosine = 0.5 * (det_sin_cos(tip).cos + det_sin_cos(sample).cos);
-  require(cosine > 0, "no bridge forms unless the mean cosine of the contact angles is positive", cosine);
+  require(cosine > 0,
+          "capillary bridge: no bridge forms unless the mean cosine of the contact angles is positive",
+          cosine);
   constant_volume_ = p.model == CapillaryModel::kConstantVolume;
   force_per_radius_ = 4.0 * kPi * p.surface_tension_n_m * cosine;
   if (p.humidity_percent > 0) {

@@ -5,27 +5,25 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
-#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/numerics/require.h"
 
 namespace telenano::physics {
 namespace {
 
 constexpr double kLargestHalfAngleDeg = 75;  // beyond, a tip is no tip, and the field no cone's
 
-void require(bool good, const char* what, double value) {
-  if (!good) throw UserError(std::string("long-range forces: ") + what + ", not " + std::to_string(value));
-}
-
 TipShape shape_of(const LongRangeParameters& p) {
   require(std::isfinite(p.cone_height_nm) && p.cone_height_nm >= 0,
-          "cone height must be finite and positive, or 0 for no cone (nm)", p.cone_height_nm);
+          "long-range forces: cone height must be finite and positive, or 0 for no cone (nm)",
+          p.cone_height_nm);
   TipShape shape;
   if (p.cone_height_nm == 0) {
-    require(p.cone_half_angle_deg == 0, "a cone's half angle needs its height, too", p.cone_half_angle_deg);
+    require(p.cone_half_angle_deg == 0, "long-range forces: a cone's half angle needs its height, too",
+            p.cone_half_angle_deg);
     return shape;
   }
   require(p.cone_half_angle_deg >= 1 && p.cone_half_angle_deg <= kLargestHalfAngleDeg,
-          "cone half angle must be 1 to 75 degrees", p.cone_half_angle_deg);
+          "long-range forces: cone half angle must be 1 to 75 degrees", p.cone_half_angle_deg);
   const SinCos angle = det_sin_cos(p.cone_half_angle_deg * (kPi / 180.0));
   shape.half_angle_sin = angle.sin;
   shape.half_angle_cos = angle.cos;
@@ -39,10 +37,11 @@ LongRange::LongRange(const LongRangeParameters& p, double hamaker_aj, double cut
                      const DisplacedAttraction& displaced)
     : cut_off_nm_(cut_off_nm), capillary_(p.capillary, displaced) {
   require(std::isfinite(p.retardation_nm) && p.retardation_nm >= 0,
-          "retardation wavelength must be finite and positive, or 0 for none (nm)", p.retardation_nm);
-  require(p.retardation_nm == 0 || hamaker_aj > 0, "retardation needs van der Waals forces",
+          "long-range forces: retardation wavelength must be finite and positive, or 0 for none (nm)",
           p.retardation_nm);
-  require(std::isfinite(p.tip_bias_v), "tip bias must be finite (V)", p.tip_bias_v);
+  require(p.retardation_nm == 0 || hamaker_aj > 0,
+          "long-range forces: retardation needs van der Waals forces", p.retardation_nm);
+  require(std::isfinite(p.tip_bias_v), "long-range forces: tip bias must be finite (V)", p.tip_bias_v);
   const TipShape shape = shape_of(p);
   if (hamaker_aj > 0) {
     const double taken = VanDerWaals::from_adhesion(displaced.work_n_m, cut_off_nm).hamaker_aj;

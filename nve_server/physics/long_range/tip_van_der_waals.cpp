@@ -2,11 +2,11 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/nve_server/physics/numerics/log_one_plus.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kTwoPi = 2.0 * kPi;
 constexpr double kGregory = 5.32;
 
 }  // namespace

@@ -29,7 +29,7 @@ constexpr double kLongestStepOfGap = 0.5;
 constexpr double kLongestTurn_rad = 0.3;
 constexpr double kArmijo = 1e-4;
 constexpr double kNearestCentres = 0.05;  // of the radii's sum: which way is out is lost there
-constexpr double kSteepest = 30.0;        // in units of a contact's own stiffness
+constexpr double kSteepestCurve = 30.0;   // in units of a contact's own stiffness
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
 // What bends downwards taken to bend upwards, but no steeper than `most`: the gentlest step that goes down.
@@ -52,10 +52,6 @@ Mat3 cross_matrix(const Vec3& v) noexcept {
   Mat3 m;
   m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
   return m;
-}
-
-bool inside(Branch branch) noexcept {
-  return branch == Branch::kContact || branch == Branch::kNonContact;
 }
 
 Vec3 unit(const Vec3& v) noexcept {
@@ -385,7 +381,7 @@ bool ParticleBalance::on_held_branches() const noexcept {
     if (asleep_ && i == kParticleSample) continue;
     const ContactTrial& now = best_->contacts[i];
     const Held& held = held_[i];
-    if (inside(now.law.branch) != inside(held.branch)) return false;
+    if (is_on_curve(now.law.branch) != is_on_curve(held.branch)) return false;
     if (on_ground(i) && now.place.bridge.present != held.place.bridge.present) return false;
     if (!held.lost && now.law.contact_radius_nm == 0.0) return false;
   }
@@ -398,7 +394,7 @@ bool ParticleBalance::go_over() noexcept {
     const Equilibrium& law = best_->contacts[i].law;
     const PotentialBranch& place = best_->contacts[i].place;
     const bool same_bridge = !on_ground(i) || place.bridge.present == held_[i].place.bridge.present;
-    if (inside(law.branch) == inside(held_[i].branch) && same_bridge) continue;
+    if (is_on_curve(law.branch) == is_on_curve(held_[i].branch) && same_bridge) continue;
     held_[i].branch = law.branch;
     held_[i].place = place;
     jumps_ += law.jumps;
@@ -481,7 +477,7 @@ void ParticleBalance::hold(int pass) noexcept {
     held.normal_found_w = normal;
     held.radius_found_nm = radius;
     const ContactScales& scales = held.at.scales;
-    held.stiffest_n_m = kSteepest * scales.force_nn / scales.overlap_nm;
+    held.stiffest_n_m = kSteepestCurve * scales.force_nn / scales.overlap_nm;
     if (first && i != kTipSample) floor_nn_ += scales.force_nn;
     held.lost = held.lost || memory.contact_radius_nm == 0.0 || held.contact_radius_nm == 0.0;
     held.slide = held.roll = held.spin = {};

@@ -41,17 +41,14 @@ double spring_energy(const Vec3& force, const Mat3& compliance) noexcept {
   return 0.5 * force.dot(compliance * force);
 }
 
-bool inside(Branch branch) noexcept {
-  return branch == Branch::kContact || branch == Branch::kNonContact;
-}
 // The particle touches both.
 bool touching(const ParticleState& state) noexcept {
-  return inside(state.contacts[kTipParticle].law.branch) &&
-         inside(state.contacts[kParticleSample].law.branch);
+  return is_on_curve(state.contacts[kTipParticle].law.branch) &&
+         is_on_curve(state.contacts[kParticleSample].law.branch);
 }
 bool touching(const ParticleBalance& balance) noexcept {
-  return inside(balance.contact(kTipParticle).law.branch) &&
-         inside(balance.contact(kParticleSample).law.branch);
+  return is_on_curve(balance.contact(kTipParticle).law.branch) &&
+         is_on_curve(balance.contact(kParticleSample).law.branch);
 }
 
 void describe(const ParticleModel& model, const ParticleBalance& balance, const ParticleState& state,
@@ -118,7 +115,7 @@ bool ParticleEquilibrium::rests(const ParticleBalance& balance) const noexcept {
 // The tip's pull is little against what holds the particle.
 bool ParticleEquilibrium::left_alone(const ParticleBalance& balance, double share) const noexcept {
   const Equilibrium& tip = balance.contact(kTipParticle).law;
-  return !inside(tip.branch) && std::abs(tip.force_nn) <= share * little_pull_nn_;
+  return !is_on_curve(tip.branch) && std::abs(tip.force_nn) <= share * little_pull_nn_;
 }
 
 ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcept {

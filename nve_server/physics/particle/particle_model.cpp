@@ -10,7 +10,7 @@
 namespace telenano::physics {
 namespace {
 
-void require(bool good, const char* what, const char* expected, double value) {
+void require_of_particle(bool good, const char* what, const char* expected, double value) {
   if (good) return;
   throw UserError(std::string("particle: ") + what + " must be " + expected + ", not " +
                   std::to_string(value));
@@ -18,11 +18,13 @@ void require(bool good, const char* what, const char* expected, double value) {
 
 void check(const ContactFriction& friction) {
   const double tau = friction.shear_strength_gpa, g = friction.shear_modulus_gpa;
-  require(std::isfinite(tau) && tau >= 0.0, "shear strength", "finite and not negative (GPa)", tau);
-  require(std::isfinite(g) && g >= 0.0, "shear modulus G*", "finite and not negative (GPa)", g);
-  require(tau == 0.0 || g > 0.0, "shear modulus G*", "positive where there is a shear strength (GPa)", g);
+  require_of_particle(std::isfinite(tau) && tau >= 0.0, "shear strength", "finite and not negative (GPa)",
+                      tau);
+  require_of_particle(std::isfinite(g) && g >= 0.0, "shear modulus G*", "finite and not negative (GPa)", g);
+  require_of_particle(tau == 0.0 || g > 0.0, "shear modulus G*",
+                      "positive where there is a shear strength (GPa)", g);
   const double xi = friction.rolling_length_nm;
-  require(std::isfinite(xi) && xi >= 0.0, "rolling length", "finite and not negative (nm)", xi);
+  require_of_particle(std::isfinite(xi) && xi >= 0.0, "rolling length", "finite and not negative (nm)", xi);
 }
 
 }  // namespace
@@ -34,12 +36,12 @@ ParticleModel::ParticleModel(std::shared_ptr<const Surface> the_surface, const P
       parameters(p),
       laws{TipSampleLaw(p.tip_sample), TipSampleLaw(p.tip_particle), TipSampleLaw(p.particle_sample)},
       friction{p.tip_sample_friction, p.tip_particle_friction, p.particle_sample_friction} {
-  require(std::isfinite(p.tip_radius_nm) && p.tip_radius_nm > 0.0, "tip radius", "positive and finite (nm)",
-          p.tip_radius_nm);
-  require(std::isfinite(p.particle_radius_nm) && p.particle_radius_nm > 0.0, "radius",
-          "positive and finite (nm)", p.particle_radius_nm);
-  require(std::isfinite(p.drag_n_s_m) && p.drag_n_s_m > 0.0, "drag", "positive and finite (N·s/m)",
-          p.drag_n_s_m);
+  require_of_particle(std::isfinite(p.tip_radius_nm) && p.tip_radius_nm > 0.0, "tip radius",
+                      "positive and finite (nm)", p.tip_radius_nm);
+  require_of_particle(std::isfinite(p.particle_radius_nm) && p.particle_radius_nm > 0.0, "radius",
+                      "positive and finite (nm)", p.particle_radius_nm);
+  require_of_particle(std::isfinite(p.drag_n_s_m) && p.drag_n_s_m > 0.0, "drag",
+                      "positive and finite (N·s/m)", p.drag_n_s_m);
   for (const ContactFriction& f : friction) check(f);
   if (!ground[kTipSample] || !ground[kParticleSample])
     throw UserError("particle: expected a ground for both spheres");

@@ -1,11 +1,11 @@
 #include "telenano/nve_server/physics/probe/probe.h"
 
 #include <cmath>
-#include <sstream>
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/numerics/require.h"
 
 namespace telenano::physics {
 namespace {
@@ -14,13 +14,6 @@ constexpr double kTiltMax_deg = 45.0;
 
 [[noreturn]] void fail(const char* what) {
   throw UserError(std::string("probe: ") + what);
-}
-
-void require(bool good, const char* what, double value) {
-  if (good) return;
-  std::ostringstream text;
-  text << "probe: " << what << ", not " << value;
-  throw UserError(text.str());
 }
 
 bool positive(double value) {
@@ -42,36 +35,38 @@ Lever given(const ProbeParameters& p) {
     return 1.0 / *stiffness;
   };
   Lever lever;
-  lever.compliance_nm_nn(2, 2) = compliance(p.stiffness_n_m, "stiffness must be positive and finite (N/m)");
+  lever.compliance_nm_nn(2, 2) =
+      compliance(p.stiffness_n_m, "probe: stiffness must be positive and finite (N/m)");
   lever.compliance_nm_nn(0, 0) =
-      compliance(p.lateral_stiffness_n_m, "lateral stiffness must be positive and finite (N/m)");
-  lever.compliance_nm_nn(1, 1) =
-      compliance(p.longitudinal_stiffness_n_m, "longitudinal stiffness must be positive and finite (N/m)");
+      compliance(p.lateral_stiffness_n_m, "probe: lateral stiffness must be positive and finite (N/m)");
+  lever.compliance_nm_nn(1, 1) = compliance(
+      p.longitudinal_stiffness_n_m, "probe: longitudinal stiffness must be positive and finite (N/m)");
   lever.stiffness_n_m = *p.stiffness_n_m;
   lever.optical_nm_nn.z() = lever.compliance_nm_nn(2, 2);
   return lever;
 }
 
 Lever beam(const BeamParameters& b) {
-  require(positive(b.youngs_modulus_gpa), "Young's modulus of the beam must be positive and finite (GPa)",
-          b.youngs_modulus_gpa);
+  require(positive(b.youngs_modulus_gpa),
+          "probe: Young's modulus of the beam must be positive and finite (GPa)", b.youngs_modulus_gpa);
   require(b.poisson_ratio > -1.0 && b.poisson_ratio <= 0.5,
-          "Poisson's ratio of the beam must be above -1 and at most 0.5", b.poisson_ratio);
-  require(positive(b.width_nm), "width of the beam must be positive and finite (nm)", b.width_nm);
-  require(positive(b.thickness_nm), "thickness of the beam must be positive and finite (nm)", b.thickness_nm);
-  require(positive(b.length_nm), "length of the beam must be positive and finite (nm)", b.length_nm);
-  require(std::isfinite(b.tip_height_nm) && b.tip_height_nm >= 0.0,
-          "tip height must be finite and not negative (nm)", b.tip_height_nm);
-  // Slender, or the formulas are not those of a beam.
-  require(b.thickness_nm <= b.width_nm, "thickness of the beam must be at most its width (nm)",
+          "probe: Poisson's ratio of the beam must be above -1 and at most 0.5", b.poisson_ratio);
+  require(positive(b.width_nm), "probe: width of the beam must be positive and finite (nm)", b.width_nm);
+  require(positive(b.thickness_nm), "probe: thickness of the beam must be positive and finite (nm)",
           b.thickness_nm);
-  require(b.width_nm <= b.length_nm, "width of the beam must be at most its length (nm)", b.width_nm);
-  require(b.tip_height_nm <= b.length_nm, "tip height must be at most the length of the beam (nm)",
+  require(positive(b.length_nm), "probe: length of the beam must be positive and finite (nm)", b.length_nm);
+  require(std::isfinite(b.tip_height_nm) && b.tip_height_nm >= 0.0,
+          "probe: tip height must be finite and not negative (nm)", b.tip_height_nm);
+  // Slender, or the formulas are not those of a beam.
+  require(b.thickness_nm <= b.width_nm, "probe: thickness of the beam must be at most its width (nm)",
+          b.thickness_nm);
+  require(b.width_nm <= b.length_nm, "probe: width of the beam must be at most its length (nm)", b.width_nm);
+  require(b.tip_height_nm <= b.length_nm, "probe: tip height must be at most the length of the beam (nm)",
           b.tip_height_nm);
 
   const double slenderness = b.thickness_nm / b.length_nm;
   const double k = 0.25 * b.youngs_modulus_gpa * b.width_nm * slenderness * slenderness * slenderness;
-  require(positive(k), "stiffness of the beam must be positive and finite (N/m)", k);
+  require(positive(k), "probe: stiffness of the beam must be positive and finite (N/m)", k);
   const double shear_gpa = 0.5 * b.youngs_modulus_gpa / (1.0 + b.poisson_ratio);
   const double flatness = b.thickness_nm / b.width_nm;
   const double rise = b.tip_height_nm / b.length_nm;
@@ -109,7 +104,7 @@ Probe::Probe(const ProbeParameters& p) : rigid_(p.rigid) {
   if (!p.stiffness_n_m && (p.lateral_stiffness_n_m || p.longitudinal_stiffness_n_m)) {
     fail("lateral and longitudinal stiffness go with a given stiffness only");
   }
-  require(p.tilt_deg >= 0.0 && p.tilt_deg <= kTiltMax_deg, "tilt must be 0 to 45 degrees", p.tilt_deg);
+  require(p.tilt_deg >= 0.0 && p.tilt_deg <= kTiltMax_deg, "probe: tilt must be 0 to 45 degrees", p.tilt_deg);
   const Mat3 r = orientation(p.tilt_deg, p.points);
   normal_w_ = r.col(2);
   if (p.rigid) {

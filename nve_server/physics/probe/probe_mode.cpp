@@ -2,33 +2,26 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
-#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/numerics/require.h"
 
 namespace telenano::physics {
 namespace {
 
 constexpr double kBlendSteps = 8.0;
 
-void require(bool good, const char* what, double value) {
-  if (good) return;
-  std::ostringstream text;
-  text << "probe mode: " << what << ", not " << value;
-  throw UserError(text.str());
-}
-
 }  // namespace
 
 ProbeMode::ProbeMode(double stiffness_n_m, double frequency_hz, double quality)
     : stiffness_n_m_(stiffness_n_m), frequency_hz_(frequency_hz), quality_(quality) {
-  require(std::isfinite(stiffness_n_m) && stiffness_n_m > 0, "stiffness must be positive and finite (N/m)",
-          stiffness_n_m);
-  require(std::isfinite(frequency_hz) && frequency_hz > 0, "frequency must be positive and finite (Hz)",
-          frequency_hz);
-  require((quality >= 0.6 && quality <= 1e6) || quality == HUGE_VAL, "quality must be 0.6 to 1e6", quality);
+  require(std::isfinite(stiffness_n_m) && stiffness_n_m > 0,
+          "probe mode: stiffness must be positive and finite (N/m)", stiffness_n_m);
+  require(std::isfinite(frequency_hz) && frequency_hz > 0,
+          "probe mode: frequency must be positive and finite (Hz)", frequency_hz);
+  require((quality >= 0.6 && quality <= 1e6) || quality == HUGE_VAL, "probe mode: quality must be 0.6 to 1e6",
+          quality);
   omega_1_per_s_ = 2.0 * kPi * frequency_hz;
   gamma_1_per_s_ = 0.5 * omega_1_per_s_ / quality;
   omega_damped_1_per_s_ = omega_1_per_s_ * std::sqrt(1.0 - 0.25 / (quality * quality));

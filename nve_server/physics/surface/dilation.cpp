@@ -9,11 +9,11 @@
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647693;
 constexpr double kLeftOut = 25.0;  // e^−25 of the largest term
 constexpr double kParaboloidFrom = 1.0 / 20.0;
 // e^{h/t} of a window over its highest point: e^−600 leaves room for the kernel's part in a double. A sum

@@ -5,11 +5,11 @@
 #include <cmath>
 
 #include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647693;
 constexpr double kStep = 0.34657359027997265;  // of ρ: half an octave
 constexpr int kBelow = 14, kAbove = 8;         // columns to either side of the tip's radius
 constexpr int kFine = 8;                       // of a bin

@@ -6,11 +6,10 @@
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/renew.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 namespace telenano::physics {
 namespace {
-
-constexpr double kLn2 = 0.69314718055994530942;
 
 /// A function of the apex with its derivatives.
 struct Field {

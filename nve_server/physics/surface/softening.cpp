@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/numerics/numbers.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kOnset = 0.1;  // ξ0, nm
 
 double fourth_root(double x) {
