@@ -146,8 +146,10 @@ class Server {
   void let_go(const HandoffMessage& message) noexcept;
   std::uint64_t party_of(const net::Address& from, std::uint64_t owner) const noexcept;
   void write_checkpoints(std::int64_t now_ns) noexcept;
+  std::size_t free_places() const noexcept { return table_.capacity() - table_.occupied(); }
   bool may_take_up() const noexcept;
   void give_back(std::uint64_t token, std::uint64_t owner) noexcept;
+  bool post_give_back(SessionRecord& record) noexcept;
   bool post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept;
   std::size_t post_checkpoint(std::size_t slot, CheckpointNote::Kind kind, std::int64_t now_ns) noexcept;
   void end_checkpoints(SessionRecord& record) noexcept;

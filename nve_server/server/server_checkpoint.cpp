@@ -14,7 +14,8 @@ using link::SlotState;
 /// Written in one look at the time-outs: what a state takes of the loop's time goes with its size, also where it
 /// is mostly a search for marks.
 constexpr std::size_t kBytesPerLook = 65536;
-/// A state that is handed out may be as old as this: whoever takes it up is told its age, and it lives --resume-s from then on.
+/// A state that is let go without being written again may be as old as this: who takes it up counts its age, and gives
+/// it up after --resume-s.
 constexpr std::int64_t kFreshNs = 5'000'000'000;
 
 bool is_kept(const link::Session& session) noexcept {
@@ -73,11 +74,8 @@ void Server::end_checkpoints(SessionRecord& record) noexcept {
   config_.checkpoints->post(note);
 }
 
-/// A session that has not moved since its last state was written needs no new one: of thousands at 1 Hz that is most.
-bool Server::post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept {
-  SessionRecord& record = records_[slot];
-  if (record.token == 0 || record.changed || now_ns - record.checked_ns > kFreshNs)
-    return post_checkpoint(slot, CheckpointNote::Kind::kHandOut, now_ns) != 0;
+/// As it was written last, it is the next one's. False: no room for the note.
+bool Server::post_give_back(SessionRecord& record) noexcept {
   CheckpointNote note;
   note.kind = CheckpointNote::Kind::kGiveBack;
   note.token = record.token;
@@ -86,6 +84,14 @@ bool Server::post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept {
   if (!config_.checkpoints->post(note)) return false;
   ++record.checkpoints;
   return true;
+}
+
+/// A session that has not moved since its last state was written needs no new one: of thousands at 1 Hz that is most.
+bool Server::post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept {
+  SessionRecord& record = records_[slot];
+  if (record.token == 0 || record.changed || now_ns - record.checked_ns > kFreshNs)
+    return post_checkpoint(slot, CheckpointNote::Kind::kHandOut, now_ns) != 0;
+  return post_give_back(record);
 }
 
 bool Server::hand_out(std::int64_t now_ns) noexcept {
@@ -129,15 +135,10 @@ void Server::restore(SessionState& state, std::uint32_t ticket) noexcept {
   record.checked_ns = now_ns_;
   record.token = state.session.resume_token;
   record.owner = state.session.owner;
-  CheckpointNote back;
-  back.kind = CheckpointNote::Kind::kGiveBack;
-  back.token = record.token;
-  back.owner = record.owner;
-  back.number = record.checkpoints + 1;
   if (!shutting_down_ && adopt(state)) {
     ++counters_.taken_up;
   } else if (config_.checkpoints != nullptr) {
-    config_.checkpoints->post(back);
+    post_give_back(record);
   }
 }
 
@@ -145,14 +146,8 @@ void Server::restore(SessionState& state, std::uint32_t ticket) noexcept {
 void Server::give_back(std::uint64_t token, std::uint64_t owner) noexcept {
   const std::size_t slot = table_.find_token(token, owner);
   if (slot == link::SessionTable::kNone || !records_[slot].restored || config_.checkpoints == nullptr) return;
-  SessionRecord& record = records_[slot];
-  CheckpointNote note;
-  note.kind = CheckpointNote::Kind::kGiveBack;
-  note.token = record.token;
-  note.owner = record.owner;
-  note.number = record.checkpoints + 1;
-  if (!config_.checkpoints->post(note)) return;
-  record.token = 0;
+  if (!post_give_back(records_[slot])) return;
+  records_[slot].token = 0;
   forget(slot, now_ns_);
   table_.release(slot);
 }

@@ -47,7 +47,8 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
   link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
   if (verdict.kind == Kind::kAskOthers) {
     verdict.kind = Kind::kDrop;
-    verdict.cause = may_take_up() ? search_.ask(hello, from, standing, now_ns) : DropCause::kRateLimited;
+    verdict.cause =
+        may_take_up() ? search_.ask(hello, from, standing, free_places(), now_ns) : DropCause::kRateLimited;
   }
   if (verdict.kind == Kind::kOpen) {
     const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;
@@ -67,8 +68,7 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
 /// Those that are on their way here, or wait here for their stations, keep their places: one more would be taken from where it
 /// waits and find none, or end one of them.
 bool Server::may_take_up() const noexcept {
-  const std::size_t free = table_.capacity() - table_.occupied();
-  if (free > 0 || search_.expected() > 0) return search_.expected() < free;
+  if (free_places() > 0 || search_.expected() > 0) return search_.expected() < free_places();
   return std::none_of(records_.begin(), records_.end(), [](const SessionRecord& r) { return r.restored; });
 }
 

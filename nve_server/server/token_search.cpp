@@ -9,7 +9,8 @@ static_assert(WorkerMail::kOpenQuestions <= (1u << kIndexBits));
 }  // namespace
 
 link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& from,
-                                 const net::Standing& standing, std::int64_t now_ns) noexcept {
+                                 const net::Standing& standing, std::size_t free_places,
+                                 std::int64_t now_ns) noexcept {
   using State = Question::State;
   std::size_t free = questions_.size();
   std::size_t of_party = 0;
@@ -23,7 +24,8 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
       ++of_party;
     }
   }
-  if (of_party >= kOfOneParty || free == questions_.size()) return link::DropCause::kRateLimited;
+  if (of_party >= most_of_one_party(free_places) || free == questions_.size())
+    return link::DropCause::kRateLimited;
   Question& q = questions_[free];
   q.state = State::kAsking;
   ++q.generation;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -35,13 +36,15 @@ class TokenSearch {
   /// Is anything open?
   bool waits() const noexcept { return open_ > 0; }
 
-  /// Of these one key, or in the clear one address, may have three quarters: who shows tokens of nobody's one after the other
-  /// does not keep others from their sessions.
-  static constexpr std::size_t kOfOneParty = 3 * WorkerMail::kOpenQuestions / 4;
+  /// Of these, and of the places that are free, one key, or in the clear one address, may have three quarters: who shows tokens
+  /// of nobody's one after the other does not keep others from their sessions.
+  static constexpr std::size_t most_of_one_party(std::size_t free_places) noexcept {
+    return std::max<std::size_t>(3 * std::min(WorkerMail::kOpenQuestions, free_places) / 4, 1);
+  }
 
   /// Asks all others. kDuplicate: the same Hello waits already; kRateLimited: too many wait.
   link::DropCause ask(const link::Hello& hello, const net::Address& from, const net::Standing& standing,
-                      std::int64_t now_ns) noexcept;
+                      std::size_t free_places, std::int64_t now_ns) noexcept;
   /// An answer to `ticket`: `final` if nobody else needs to be heard.
   void on_answer(std::uint32_t ticket, bool final) noexcept;
   /// Sessions that others may be about to send: questions that the keeper has not answered, forgotten ones too.

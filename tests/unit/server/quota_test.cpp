@@ -352,16 +352,24 @@ TEST(TokenSearch, OnePartyHasThreeQuartersOfTheQuestions) {
   TokenSearch search(&mail, 0);
   net::Address from;
   link::Hello hello;
+  std::size_t free_places = 1000;
   const auto ask = [&](const net::Standing& standing, std::uint8_t host) {
     from.ip[15] = host;
     ++from.port;
     hello.nonce = hello.resume_token = from.port;
-    return search.ask(hello, from, standing, kSecond);
+    return search.ask(hello, from, standing, free_places, kSecond);
   };
-  for (const net::Standing& insider : {kOperator, net::Standing{}}) {
+  struct Case {
+    net::Standing insider;
+    std::size_t free_places, most;
+  };
+  const std::size_t all = 3 * WorkerMail::kOpenQuestions / 4;
+  for (const auto& [insider, free, most] : {Case{kOperator, 1000, all}, Case{net::Standing{}, 1000, all},
+                                            Case{kOperator, 8, 6}, Case{net::Standing{}, 1, 1}}) {
+    free_places = free;
     std::size_t asked = 0;
     while (asked < 100 && ask(insider, 1) == link::DropCause::kNone) ++asked;
-    EXPECT_EQ(asked, TokenSearch::kOfOneParty);
+    EXPECT_EQ(asked, most);
     EXPECT_EQ(ask(insider, 1), link::DropCause::kRateLimited);
     EXPECT_EQ(ask(kObserver, 1), link::DropCause::kNone) << "another key";
     EXPECT_EQ(ask({}, 2), link::DropCause::kNone) << "another address";

@@ -310,10 +310,11 @@ TEST(Workers, ManyQuestionsAtOnceAreBounded) {
     rig.station(*stations.back(), at, 0);
   }
   // All of one address, which may have three quarters of the questions.
-  EXPECT_EQ(rig.servers[0]->drops()[link::DropCause::kRateLimited], 200 - TokenSearch::kOfOneParty);
+  EXPECT_EQ(rig.servers[0]->drops()[link::DropCause::kRateLimited],
+            200 - TokenSearch::most_of_one_party(256));
   rig.look();
   rig.look();
-  EXPECT_EQ(rig.active(), TokenSearch::kOfOneParty);
+  EXPECT_EQ(rig.active(), TokenSearch::most_of_one_party(256));
 }
 
 TEST(Workers, WhatIsInTheMailWhenAllEndsIsFreed) {
