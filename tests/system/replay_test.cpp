@@ -191,11 +191,21 @@ class OutageReplayTest : public ReplayTest {
       EXPECT_FALSE(reader.state_pieces().empty());
     }
     const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
+    const auto lines = lines_of(replay.out);
+    ASSERT_EQ(lines.size(), 2u) << replay.err;
+    const Row row = row_of(lines[1]);
+    // A known fault (deploy/docs/limits.md): one recording in six has some ticks behind such an outage in which the station had
+    // no model yet, and the replay has one. Nothing else may differ.
+    const bool late_model = replay.err.find("differs first, in model_version") != std::string::npos;
+    if (act == Act::kRelayStandsStill && late_model && attempts > 1) {
+      EXPECT_EQ(row.replayed, row.recorded) << lines[1];
+      EXPECT_GE(row.equal, row.recorded - 30) << lines[1];
+      std::filesystem::remove(file);
+      records_and_replays(act, scene, attempts - 1);
+      return;
+    }
     EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
     EXPECT_EQ(replay.err, "");
-    const auto lines = lines_of(replay.out);
-    ASSERT_EQ(lines.size(), 2u);
-    const Row row = row_of(lines[1]);
     EXPECT_NE(lines[1].find(",0," + std::to_string(static_cast<int>(row.told)) + ",yes"), std::string::npos)
         << lines[1];
     EXPECT_GT(row.recorded, 1000) << lines[1];
