@@ -6,15 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "tests/property/twin/deployed_scene.h"
 #include "tests/property/twin/logged_slave.h"
-#include "tests/source_dir.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::support {
-
-inline std::shared_ptr<const scene::Scene> deployed(const std::string& name) {
-  return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
-}
 
 struct Link {
   double rtt_ms = 0;

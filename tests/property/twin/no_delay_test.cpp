@@ -54,7 +54,7 @@ void use_plan(VirtualSessionConfig& config) {
   config.plant.coulomb_friction_n = 0;  // it would hide what swings
 }
 
-VirtualSessionConfig pressing(const std::string& name, double rtt_ms) {
+VirtualSessionConfig pressing_into(const std::string& name, double rtt_ms) {
   VirtualSessionConfig config;
   config.scene = deployed(name);
   config.station.method = Method::kTwin;
@@ -75,7 +75,7 @@ TEST(NoDelay, WhatIsPlannedOnTheBoundIsCalmAndTrue) {
       EXPECT_LT(out.nrmse, 1e-10) << name << ", " << rtt_ms;
       EXPECT_GT(out.compared, 2000u) << name;
       EXPECT_EQ(out.unequal_hashes, 0u) << name;
-      VirtualSession session(pressing(name, rtt_ms));
+      VirtualSession session(pressing_into(name, rtt_ms));
       double low_m = 1, high_m = -1, least_n = 1e9, most_n = 0;
       for (int tick = 0; tick < 4000; ++tick) {
         session.step();
@@ -151,7 +151,7 @@ TEST(NoDelay, WhenTheTwinEndsTheForceFadesAndAnotherScaleTakesItsPlace) {
   for (const char* const name : {"flat_silicon_oxide", "flakes"}) {
     for (const double rtt_ms : {0.0, 100.0}) {
       for (const auto& [what, end] : ends) {
-        VirtualSession session(pressing(name, rtt_ms));
+        VirtualSession session(pressing_into(name, rtt_ms));
         for (int i = 0; i < 2000; ++i) session.step();
         ASSERT_EQ(session.loop().trace().mode, station::Mode::kEngaged);
         ASSERT_GT(session.loop().trace().commanded_force_h_n.norm(), 0.02);
@@ -165,7 +165,7 @@ TEST(NoDelay, WhenTheTwinEndsTheForceFadesAndAnotherScaleTakesItsPlace) {
 // A server whose state's hash is wrong: three partings, then no twin.
 TEST(NoDelay, AServerThatLiesEndsInTheSameWay) {
   for (const double rtt_ms : {0.0, 100.0}) {
-    VirtualSessionConfig config = pressing("flakes", rtt_ms);
+    VirtualSessionConfig config = pressing_into("flakes", rtt_ms);
     const auto acts = std::make_shared<bool>(false);
     const auto codec = std::make_shared<link::Codec>();
     config.lie = [=, in = std::make_shared<link::Incoming>(), n = 0](std::span<std::uint8_t> out,
@@ -189,7 +189,7 @@ TEST(NoDelay, AServerThatLiesEndsInTheSameWay) {
 // A restart, an outage and a resumed session leave the twin what it is: nothing fades to another scale.
 TEST(NoDelay, WhatDoesNotEndTheTwinKeepsTheScale) {
   for (const bool restarts : {true, false}) {
-    VirtualSession session(pressing("flakes", 40));
+    VirtualSession session(pressing_into("flakes", 40));
     for (int i = 0; i < 2000; ++i) session.step();
     const double planned = session.station().config().scaling.force;
     if (restarts) session.restart_server();
@@ -204,7 +204,7 @@ TEST(NoDelay, WhatDoesNotEndTheTwinKeepsTheScale) {
 }
 
 TEST(NoDelay, WhatIsTheTwinsAloneCanBeSetOnlyWhileItIsFelt) {
-  VirtualSession session(pressing("flakes", 20));
+  VirtualSession session(pressing_into("flakes", 20));
   for (int i = 0; i < 1500; ++i) session.step();
   const control::Scaling planned = session.station().config().scaling;
   EXPECT_TRUE(session.station().change_scaling({planned.velocity, 0.9 * planned.force}));
@@ -249,7 +249,7 @@ TEST(NoDelay, WhateverComesWhileItFadesTakesForceAwayOnly) {
        }}};
   for (const auto& [what, enemy] : enemies) {
     SCOPED_TRACE(what);
-    VirtualSessionConfig config = pressing("flat_silicon_oxide", 20);
+    VirtualSessionConfig config = pressing_into("flat_silicon_oxide", 20);
     config.script = {{0, {0, 0, 20}}, {0.8, {0, 0, -12}}, {20, {0, 0, -12}}};
     VirtualSession session(config);
     for (int i = 0; i < 2000; ++i) session.step();

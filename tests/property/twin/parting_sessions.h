@@ -8,14 +8,10 @@
 
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/slave/nve_slave.h"
-#include "tests/source_dir.h"
+#include "tests/property/twin/deployed_scene.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::support {
-
-inline std::shared_ptr<const scene::Scene> deployed(const std::string& name) {
-  return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
-}
 
 inline VirtualSessionConfig pressing(const std::shared_ptr<const scene::Scene>& scene, double rtt_ms) {
   VirtualSessionConfig config;

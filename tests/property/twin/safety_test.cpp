@@ -13,7 +13,7 @@
 #include "telenano/common/control/methods.h"
 #include "telenano/common/link/codec.h"
 #include "telenano/master/twin/scene_twin.h"
-#include "tests/source_dir.h"
+#include "tests/property/twin/deployed_scene.h"
 #include "tests/support/changed_news_method.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/sliders.h"
@@ -25,10 +25,6 @@ namespace {
 using control::Method;
 using control::Scaling;
 using station::TwinState;
-
-std::shared_ptr<const scene::Scene> deployed(const std::string& name) {
-  return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
-}
 
 constexpr double kAllowanceJ = 0.010;
 // Rounding: 1e5 terms of some millijoules, in long double there and in double here.

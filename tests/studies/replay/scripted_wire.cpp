@@ -92,6 +92,7 @@ bool ScriptedWire::take_up_state(std::uint64_t session_id, const StepReport& rep
     if (!server_->take_up(session_id, state.bytes, log, step, others_)) continue;
     others_ = false;
     last_executed_ = brought_ = state.step;
+    taken_up_at_ = state.step;
     apart_ = false;
     return true;
   }
@@ -142,12 +143,13 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
     const bool other = told != nullptr && (!answers || last_executed_ != told->report.executed);
     if (other && other_steps_at_ == 0) other_steps_at_ = number;
   }
-  // A state does not say what its last step had said of the contact's plane.
-  const bool of_state = took_up && (script_.shares_tip || told->report.executed == brought_);
+  // A state does not say what was said of the contact's plane before it: no reply does until the next step.
+  const bool before_next_step = told != nullptr && taken_up_at_ == told->report.executed;
+  const bool of_state = before_next_step || (took_up && script_.shares_tip);
   // Nor what this session had of a shared tip's account.
   if (took_up && script_.shares_tip)
     server_->set_account(session_id_, told->energy_in_aj, told->energy_out_aj);
-  if ((apart_ || of_state) && told != nullptr) tells_.insert(number);
+  if (told != nullptr && (apart_ || of_state)) tells_.insert(number);
   replies_[number] = std::move(answer);
   if (replies_.size() > kRepliesKept) replies_.erase(replies_.begin());
 }
@@ -163,6 +165,7 @@ void ScriptedWire::end_session(const StepReport& report, std::int64_t now_ns) {
 void ScriptedWire::use(server::Server& server) noexcept {
   server_ = &server;
   apart_ = false;
+  taken_up_at_.reset();
   breaks_ = 0;
   last_executed_ = brought_ = 0;
   made_.clear();

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <optional>
 #include <set>
 #include <span>
 #include <utility>
@@ -132,7 +133,8 @@ class ScriptedWire final : public net::Datagram {
   std::map<std::uint64_t, link::LoggedStep> made_;  ///< by the station
   std::uint64_t brought_ = 0;                       ///< the server has the steps up to here
   std::uint64_t last_executed_ = 0;
-  std::uint32_t breaks_ = 0;  ///< declared by then, as recorded
+  std::optional<std::uint64_t> taken_up_at_;  ///< the last step of the state that was taken up last
+  std::uint32_t breaks_ = 0;                  ///< declared by then, as recorded
   bool apart_ = false;
   bool others_ = false;           ///< another session has moved the shared tip since
   std::int64_t apart_since_ = 0;  ///< tick

@@ -241,8 +241,8 @@ TEST(Dtls, ASecondRecordInADatagramDoesNotLag) {
   auto packet = rig.network.sent().back();
   rig.station->send(bytes_of("second"), rig.server_end.address());
   const auto second = rig.network.sent().back().bytes;
-  constexpr auto kPrefix = static_cast<std::ptrdiff_t>(std::tuple_size_v<ConnectionPrefix>);
-  packet.bytes.insert(packet.bytes.end(), second.begin() + kPrefix, second.end());
+  constexpr auto kPrefixBytes = static_cast<std::ptrdiff_t>(std::tuple_size_v<ConnectionPrefix>);
+  packet.bytes.insert(packet.bytes.end(), second.begin() + kPrefixBytes, second.end());
   rig.network.drop_waiting(rig.server_end.address());
   rig.network.deliver(packet);
   EXPECT_TRUE(rig.server->receive(rig.buffer, rig.received));

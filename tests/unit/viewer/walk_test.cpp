@@ -84,7 +84,7 @@ class Walk : public Render {
 
 // One key a frame, by itself, with Ctrl and with Shift: whatever is asked fits the state that is seen.
 TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
-  struct State {
+  struct Reached {
     const char* name;
     std::function<void()> enter;
     std::string never;  ///< of requests()
@@ -103,7 +103,7 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
   std::vector<recording::Sample> rows;
   for (int i = 0; i < 2000; ++i) rows.push_back(support::view_sample(i));
   view_model::Playback playback(rows, {{1, "mark 1"}});
-  const std::vector<State> states = {
+  const std::vector<Reached> states = {
       {"engaged", with([](auto&) {}), ""},
       {"in contact", with([](auto& now) { now.contact_state = 3; }), "u"},
       {"stopped", with([](auto& now) {
@@ -144,7 +144,7 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
        },
        all, false},
   };
-  for (const State& state : states) {
+  for (const Reached& state : states) {
     SCOPED_TRACE(state.name);
     facts_ = support::view_facts();
     begin();
