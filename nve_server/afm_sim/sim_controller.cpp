@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <string>
+#include <vector>
 
 #include "telenano/common/base/det_math.h"
 
@@ -21,6 +23,25 @@ constexpr double kIdleStep_s = 2e-3;
 
 std::int64_t ns(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
+}
+
+constexpr const char* kNoSuchSignal = "there is no signal of that index";
+
+void deny(SimController::Pending& pending, std::uint32_t code, const char* why) {
+  pending.answer = {{}, {}, code, why};
+}
+
+bool is_signal(double index) noexcept {
+  return index >= 0 && index < kSignalCount;
+}
+
+std::vector<std::string> signal_names() {
+  std::vector<std::string> names(kSignalCount);
+  names[0] = "Current (A)";
+  names[kDeflectionSignal] = "Deflection (m)";
+  names[kLateralSignal] = "Lateral (V)";
+  names[kZSignal] = "Z (m)";
+  return names;
 }
 
 /// Which port may say what, where roles are restricted.
@@ -226,20 +247,6 @@ void SimController::advance_to(std::int64_t to_ns) noexcept {
   }
 }
 
-void SimController::set_z(double z_m, Pending& pending) {
-  if (status_ != ZStatus::kOff) {
-    pending.answer = {{}, {}, 4, "the Z controller is not off"};
-    return;
-  }
-  const double height = 1e9 * config_.z_sign * z_m;
-  if (height > retracted_nm() + 1e-3 || height < lowest_nm() - 1e-3) {
-    pending.answer = {{}, {}, 5, "Z is out of the piezo's range or limits"};
-    return;
-  }
-  ++moves_;
-  piezo_nm_.z() = height;
-}
-
 double SimController::true_value(int index) const noexcept {
   switch (index) {
     case kDeflectionSignal:
@@ -253,159 +260,199 @@ double SimController::true_value(int index) const noexcept {
   }
 }
 
+void SimController::move_across(const Call& call, Pending& pending) {
+  const auto& in = call.numbers;
+  const double x = 1e9 * in[0], y = 1e9 * in[1];
+  if (!(std::fabs(x) <= 0.5 * config_.range_xy_nm && std::fabs(y) <= 0.5 * config_.range_xy_nm))
+    return deny(pending, 6, "X or Y is out of the piezo's range");
+  ++moves_;
+  target_nm_ = Vec3(x, y, 0);
+  if (in[2] != 0) {
+    pending.wait = Pending::Wait::kArrived;
+    pending.deadline_ns = INT64_MAX;
+  }
+}
+
+void SimController::set_z(double z_m, Pending& pending) {
+  if (status_ != ZStatus::kOff) return deny(pending, 4, "the Z controller is not off");
+  const double height = 1e9 * config_.z_sign * z_m;
+  if (height > retracted_nm() + 1e-3 || height < lowest_nm() - 1e-3)
+    return deny(pending, 5, "Z is out of the piezo's range or limits");
+  ++moves_;
+  piezo_nm_.z() = height;
+}
+
+void SimController::switch_z(bool on, std::int64_t now_ns) noexcept {
+  ++moves_;
+  if (on) {
+    status_ = ZStatus::kOn;
+  } else if (status_ == ZStatus::kOn) {
+    status_ = ZStatus::kSwitchingOff;
+    off_at_ns_ = now_ns + ns(config_.switch_off_delay_s);
+  } else if (status_ == ZStatus::kSafeTip) {
+    status_ = ZStatus::kOff;
+  }
+}
+
+void SimController::withdraw(const Call& call, std::int64_t now_ns, Pending& pending) {
+  const auto& in = call.numbers;
+  status_ = ZStatus::kWithdrawing;
+  if (in[0] == 0) return;
+  pending.wait = Pending::Wait::kWithdrawn;
+  pending.deadline_ns = in[1] < 0 ? INT64_MAX : now_ns + ns(1e-3 * in[1]);
+}
+
+void SimController::set_limits(double high_m, double low_m, Pending& pending) {
+  if (!(high_m > low_m) || std::fabs(high_m) > 0.501e-9 * config_.range_z_nm ||
+      std::fabs(low_m) > 0.501e-9 * config_.range_z_nm)
+    return deny(pending, 8, "limits: high is above low, both within the piezo's range");
+  if (!limits_on_) return;  // as documented: without effect while they are off
+  limit_high_m_ = high_m;
+  limit_low_m_ = low_m;
+}
+
+/// The average under way is given up: it would be of two periods.
+void SimController::set_acquisition(double period_s, Pending& pending) {
+  if (!(period_s >= 1e-4 && period_s <= 10))
+    return deny(pending, 7, "an acquisition period is 0.1 ms to 10 s");
+  acquisition_ns_ = ns(period_s);
+  next_acquisition_ns_ = (now_ns_ / acquisition_ns_ + 1) * acquisition_ns_;
+  sum_s_ = sum_deflection_ = sum_lateral_ = 0;
+}
+
+/// The values themselves are read when their period has ended: finish().
+void SimController::ask_signals(const Call& call, Pending& pending) const {
+  const auto& in = call.numbers;
+  for (std::size_t i = 0; i + 1 < in.size(); ++i) {
+    if (!is_signal(in[i])) return deny(pending, 9, kNoSuchSignal);
+  }
+  pending.reads = true;
+  pending.ready_ns =
+      std::max(pending.ready_ns, next_acquisition_ns_ + (in.back() != 0 ? acquisition_ns_ : std::int64_t{0}));
+}
+
+void SimController::tell_calibration(double index, Pending& pending) const {
+  if (!is_signal(index)) return deny(pending, 9, kNoSuchSignal);
+  pending.answer.numbers = {
+      index == kDeflectionSignal ? calibration_factor_ * 1e-9 * config_.deflection_nm_v : 1.0, 0.0};
+}
+
+/// The answer to a question that takes no arguments and cannot be refused.
+std::vector<double> SimController::told(CommandId question) const {
+  using enum CommandId;
+  const auto flag = [](bool on) { return on ? 1.0 : 0.0; };
+  switch (question) {
+    case kXyPosGet:
+      return {1e-9 * piezo_nm_.x(), 1e-9 * piezo_nm_.y()};
+    case kSpeedGet:
+      return {1e-9 * speed_nm_s_, flag(custom_speed_)};
+    case kOnOffGet:
+      return {flag(status_ == ZStatus::kOn || status_ == ZStatus::kSwitchingOff)};
+    case kZPosGet:
+      return {1e-9 * config_.z_sign * piezo_nm_.z()};
+    case kStatusGet:
+      return {static_cast<double>(status_)};
+    case kSetpointGet:
+      return {1e-9 * (config_.setpoint_nn * tip_.deflection_nm_nn() + config_.deflection_offset_nm)};
+    case kSafeTipOnOffGet:
+      return {flag(safe_tip_on_)};
+    case kSafeTipPropsGet:
+      return {safe_tip_[0], safe_tip_[1], safe_tip_[2]};
+    case kSafeTipSignalGet:
+      return {safe_tip_signal()};
+    case kPiezoRangeGet:
+      return {1e-9 * config_.range_xy_nm, 1e-9 * config_.range_xy_nm, 1e-9 * config_.range_z_nm};
+    case kAcqPeriodGet:
+      return {1e-9 * static_cast<double>(acquisition_ns_)};
+    case kWithdrawRateGet:
+      return {1e-9 * config_.withdraw_nm_s};
+    case kTipLiftGet:
+      return {1e-9 * config_.tip_lift_nm};
+    case kSwitchOffDelayGet:
+      return {config_.switch_off_delay_s};
+    case kLimitsEnabledGet:
+      return {flag(limits_on_)};
+    case kLimitsGet:
+      return {limit_high_m_, limit_low_m_};
+    default:
+      return {};
+  }
+}
+
+/// Without a default, so that the compiler finds a command that nobody carries out.
 void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pending) {
   using enum CommandId;
   const auto& in = call.numbers;
-  auto& out = pending.answer.numbers;
-  const auto fail = [&](std::uint32_t code, const char* text) { pending.answer = {{}, {}, code, text}; };
-  const auto signal_ok = [](double index) { return index >= 0 && index < kSignalCount; };
   switch (call.id) {
-    case kXyPosSet: {
-      const double x = 1e9 * in[0], y = 1e9 * in[1];
-      if (!(std::fabs(x) <= 0.5 * config_.range_xy_nm && std::fabs(y) <= 0.5 * config_.range_xy_nm))
-        return fail(6, "X or Y is out of the piezo's range");
-      ++moves_;
-      target_nm_ = Vec3(x, y, 0);
-      if (in[2] != 0) {
-        pending.wait = Pending::Wait::kArrived;
-        pending.deadline_ns = INT64_MAX;
-      }
-      return;
-    }
-    case kXyPosGet:
-      out = {1e-9 * piezo_nm_.x(), 1e-9 * piezo_nm_.y()};
-      return;
+    case kXyPosSet:
+      return move_across(call, pending);
     case kSpeedSet:
-      if (!(in[0] > 0)) return fail(7, "a speed is more than 0");
+      if (!(in[0] > 0)) return deny(pending, 7, "a speed is more than 0");
       speed_nm_s_ = 1e9 * in[0];
       custom_speed_ = in[1] != 0;
-      return;
-    case kSpeedGet:
-      out = {1e-9 * speed_nm_s_, custom_speed_ ? 1.0 : 0.0};
       return;
     case kStop:
       target_nm_ = piezo_nm_;
       return;
     case kOnOffSet:
-      ++moves_;
-      if (in[0] != 0) {
-        status_ = ZStatus::kOn;
-      } else if (status_ == ZStatus::kOn) {
-        status_ = ZStatus::kSwitchingOff;
-        off_at_ns_ = now_ns + ns(config_.switch_off_delay_s);
-      } else if (status_ == ZStatus::kSafeTip) {
-        status_ = ZStatus::kOff;
-      }
-      return;
-    case kOnOffGet:
-      out = {status_ == ZStatus::kOn || status_ == ZStatus::kSwitchingOff ? 1.0 : 0.0};
-      return;
+      return switch_z(in[0] != 0, now_ns);
     case kZPosSet:
       return set_z(in[0], pending);
-    case kZPosGet:
-      out = {1e-9 * config_.z_sign * piezo_nm_.z()};
-      return;
-    case kStatusGet:
-      out = {static_cast<double>(status_)};
-      return;
     case kSetpointSet:
       config_.setpoint_nn = (1e9 * in[0] - config_.deflection_offset_nm) / tip_.deflection_nm_nn();
       return;
-    case kSetpointGet:
-      out = {1e-9 * (config_.setpoint_nn * tip_.deflection_nm_nn() + config_.deflection_offset_nm)};
-      return;
     case kWithdraw:
-      status_ = ZStatus::kWithdrawing;
-      if (in[0] != 0) {
-        pending.wait = Pending::Wait::kWithdrawn;
-        pending.deadline_ns = in[1] < 0 ? INT64_MAX : now_ns + ns(1e-3 * in[1]);
-      }
-      return;
+      return withdraw(call, now_ns, pending);
     case kWithdrawRateSet:
-      if (!(in[0] > 0)) return fail(7, "a rate is more than 0");
+      if (!(in[0] > 0)) return deny(pending, 7, "a rate is more than 0");
       config_.withdraw_nm_s = 1e9 * in[0];
       return;
     case kTipLiftSet:
       config_.tip_lift_nm = 1e9 * in[0];
       return;
     case kSwitchOffDelaySet:
-      if (!(in[0] >= 0)) return fail(7, "a delay is not negative");
+      if (!(in[0] >= 0)) return deny(pending, 7, "a delay is not negative");
       config_.switch_off_delay_s = in[0];
       return;
     case kLimitsEnabledSet:
       limits_on_ = in[0] != 0;
       return;
     case kLimitsSet:
-      if (!(in[0] > in[1]) || std::fabs(in[0]) > 0.501e-9 * config_.range_z_nm ||
-          std::fabs(in[1]) > 0.501e-9 * config_.range_z_nm)
-        return fail(8, "limits: high is above low, both within the piezo's range");
-      if (!limits_on_) return;  // as documented: without effect while they are off
-      limit_high_m_ = in[0];
-      limit_low_m_ = in[1];
-      return;
+      return set_limits(in[0], in[1], pending);
     case kSafeTipOnOffSet:
       if (in[0] == 1) safe_tip_on_ = true;
       if (in[0] == 2) safe_tip_on_ = false;
       return;
-    case kSafeTipOnOffGet:
-      out = {safe_tip_on_ ? 1.0 : 0.0};
-      return;
     case kSafeTipPropsSet:
       safe_tip_ = {in[0], in[1], in[2]};
       return;
-    case kSafeTipPropsGet:
-      out = {safe_tip_[0], safe_tip_[1], safe_tip_[2]};
-      return;
+    case kAcqPeriodSet:
+      return set_acquisition(in[0], pending);
     case kSignalNamesGet:
-      pending.answer.texts.assign(kSignalCount, "");
-      pending.answer.texts[0] = "Current (A)";
-      pending.answer.texts[kDeflectionSignal] = "Deflection (m)";
-      pending.answer.texts[kLateralSignal] = "Lateral (V)";
-      pending.answer.texts[kZSignal] = "Z (m)";
+      pending.answer.texts = signal_names();
       return;
     case kSignalValGet:
-    case kSignalValsGet: {
-      for (std::size_t i = 0; i + 1 < in.size(); ++i) {
-        if (!signal_ok(in[i])) return fail(9, "there is no signal of that index");
-      }
-      pending.reads = true;
-      pending.ready_ns = std::max(
-          pending.ready_ns, next_acquisition_ns_ + (in.back() != 0 ? acquisition_ns_ : std::int64_t{0}));
-      return;
-    }
+    case kSignalValsGet:
+      return ask_signals(call, pending);
     case kSignalCalibrGet:
-      if (!signal_ok(in[0])) return fail(9, "there is no signal of that index");
-      out = {in[0] == kDeflectionSignal ? calibration_factor_ * 1e-9 * config_.deflection_nm_v : 1.0, 0.0};
-      return;
-    case kPiezoRangeGet:
-      out = {1e-9 * config_.range_xy_nm, 1e-9 * config_.range_xy_nm, 1e-9 * config_.range_z_nm};
-      return;
-    case kAcqPeriodSet:
-      if (!(in[0] >= 1e-4 && in[0] <= 10)) return fail(7, "an acquisition period is 0.1 ms to 10 s");
-      acquisition_ns_ = ns(in[0]);
-      next_acquisition_ns_ = (now_ns_ / acquisition_ns_ + 1) * acquisition_ns_;
-      sum_s_ = sum_deflection_ = sum_lateral_ = 0;
-      return;
-    case kAcqPeriodGet:
-      out = {1e-9 * static_cast<double>(acquisition_ns_)};
-      return;
-    case kWithdrawRateGet:
-      out = {1e-9 * config_.withdraw_nm_s};
-      return;
-    case kTipLiftGet:
-      out = {1e-9 * config_.tip_lift_nm};
-      return;
-    case kSwitchOffDelayGet:
-      out = {config_.switch_off_delay_s};
-      return;
-    case kLimitsEnabledGet:
-      out = {limits_on_ ? 1.0 : 0.0};
-      return;
-    case kLimitsGet:
-      out = {limit_high_m_, limit_low_m_};
-      return;
+      return tell_calibration(in[0], pending);
+    case kXyPosGet:
+    case kSpeedGet:
+    case kOnOffGet:
+    case kZPosGet:
+    case kStatusGet:
+    case kSetpointGet:
+    case kSafeTipOnOffGet:
+    case kSafeTipPropsGet:
     case kSafeTipSignalGet:
-      out = {safe_tip_signal()};
+    case kPiezoRangeGet:
+    case kAcqPeriodGet:
+    case kWithdrawRateGet:
+    case kTipLiftGet:
+    case kSwitchOffDelayGet:
+    case kLimitsEnabledGet:
+    case kLimitsGet:
+      pending.answer.numbers = told(call.id);
       return;
   }
 }
@@ -416,7 +463,7 @@ SimController::Pending SimController::begin(const Call& call, int port, std::int
   pending.call = call;
   pending.ready_ns = now_ns + ns(config_.latency_s * (1 + 2 * random_.uniform()));
   if (config_.restrict_roles && port >= 0 && !suits(call.id, port)) {
-    pending.answer = {{}, {}, 3, "this port does not take that command"};
+    deny(pending, 3, "this port does not take that command");
     return pending;
   }
   execute(call, now_ns, pending);

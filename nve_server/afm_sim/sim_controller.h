@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "telenano/common/base/random.h"
 #include "telenano/nve_server/afm_sim/sim_config.h"
@@ -73,7 +74,15 @@ class SimController {
   void end_acquisition() noexcept;
   bool busy() const noexcept;
   void execute(const nanonis::Call& call, std::int64_t now_ns, Pending& pending);
+  void move_across(const nanonis::Call& call, Pending& pending);
   void set_z(double z_m, Pending& pending);
+  void switch_z(bool on, std::int64_t now_ns) noexcept;
+  void withdraw(const nanonis::Call& call, std::int64_t now_ns, Pending& pending);
+  void set_limits(double high_m, double low_m, Pending& pending);
+  void set_acquisition(double period_s, Pending& pending);
+  void ask_signals(const nanonis::Call& call, Pending& pending) const;
+  void tell_calibration(double index, Pending& pending) const;
+  std::vector<double> told(nanonis::CommandId question) const;
 
   SimConfig config_;
   SimTip tip_;

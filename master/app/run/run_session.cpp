@@ -41,12 +41,81 @@ scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
   return scene;
 }
 
+void tell_device(const SessionDevice& device) {
+  fmt::print(stderr, "device: {}\n", device.description);
+  for (const std::string& note : device.notes) fmt::print(stderr, "note: {}\n", note);
+}
+
+/// How datagrams are marked, and the link that is practised on.
+void set_up_link(connection::ServerList& servers, const RunOptions& options, int dscp) {
+  if (dscp != 0 && !servers.set_dscp(dscp))
+    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
+  if (!options.practice) return;
+  servers.practise(*options.practice);
+  const std::string text = link::practice_text(*options.practice);
+  if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
+}
+
+/// Twins of the scene that was named, if there was one, and what is wished for from the server.
+struct TwinWish {
+  Twins twins;
+  std::string no_twin;  ///< why there is none in spite of that
+  bool wanted = false;  ///< somebody asked for the method
+  bool looks_for = false;
+};
+
+TwinWish twin_wish(const RunOptions& options, const StationFile& file, const SessionView& view) {
+  TwinWish wish;
+  wish.wanted = file.station.method == control::Method::kTwin && !file.chooses_method;
+  // The scene is run here too. Whether it is the server's own, the Welcome says.
+  if (!options.scene.empty()) {
+    wish.twins = twin::load_twins(options.scene, 2);
+    wish.no_twin = too_slow(*wish.twins[0], file.station.rate_hz);
+    if (!wish.no_twin.empty()) wish.twins.clear();
+  }
+  // Where nobody has said which, the sample itself is the first choice. Who only looks on feels nothing, but
+  // sees by it the marks that others make.
+  const bool looks_on = options.observe && (view.wanted() || !options.record.empty());
+  wish.looks_for =
+      options.scene.empty() && (wish.wanted || (file.chooses_method && (!options.observe || looks_on)));
+  return wish;
+}
+
+link::ClientConfig make_client_config(const RunOptions& options, const StationFile& file,
+                                      const SessionFile& session_file, const TwinWish& wish) {
+  link::ClientConfig config;
+  config.rate_hz = static_cast<std::uint32_t>(file.station.rate_hz);
+  config.nonce_seed = connection::random_nonce_seed();
+  config.resume_token = session_file.token();
+  config.redundancy = static_cast<std::size_t>(file.redundancy);
+  // Only a replay needs to know in which order the slave stepped.
+  if (options.record.empty()) config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
+  if (wish.looks_for || !wish.twins.empty())
+    config.step_ring = static_cast<std::size_t>(kTwinRingS * file.station.rate_hz);
+  if (!wish.twins.empty()) config.snapshot_bytes = snapshot_room(*wish.twins[0]);
+  return config;
+}
+
+/// Asks which scenes the server has, and goes to the one that was asked for.
+std::vector<SceneChoice> to_wanted_scene(const RunOptions& options, link::ClientSession& session,
+                                         connection::ServerList& servers, loop::ScenePipe& pipe,
+                                         const std::atomic<bool>& stop) {
+  connection::ServerLink& way = servers.link();
+  const net::Address server = servers.address();
+  std::vector<SceneChoice> scenes = list_scenes(session, way, server, pipe, stop);
+  if (!scenes.empty() && !options.quiet)
+    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
+               names_of(scenes));
+  if (!options.server_scene.empty())
+    choose_scene(session, way, server, pipe, options.server_scene, scenes, stop);
+  return scenes;
+}
+
 }  // namespace
 
 int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const std::atomic<bool>& stop = catch_stop_signals();
   StationFile file = station_file(options);
-  const station::StationConfig& config = file.station;
   const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
   const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
   // What is wrong with a task, a script or a device is found before a server is asked.
@@ -57,62 +126,25 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (view.has_window()) next.emplace();
   SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
   if (!simulated) add_pedals(opened, file.pedal);
-  if (!options.quiet && !simulated) {
-    fmt::print(stderr, "device: {}\n", opened.description);
-    for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
-  }
+  if (!options.quiet && !simulated) tell_device(opened);
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
   connection::ServerList servers(options);
-  if (dscp != 0 && !servers.set_dscp(dscp))
-    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
-  if (options.practice) {
-    servers.practise(*options.practice);
-    const std::string text = link::practice_text(*options.practice);
-    if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
-  }
-  link::ClientConfig client_config;
-  client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
-  client_config.nonce_seed = connection::random_nonce_seed();
+  set_up_link(servers, options, dscp);
   SessionFile session_file(options.session_file);
-  client_config.resume_token = session_file.token();
-  client_config.redundancy = static_cast<std::size_t>(file.redundancy);
-  // Only a replay needs to know in which order the slave stepped.
-  if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
-  // The scene is run here too. Whether it is the server's own, the Welcome says.
-  Twins twins;
-  std::string no_twin;
+  TwinWish wish = twin_wish(options, file, view);
+  link::ClientConfig client_config = make_client_config(options, file, session_file, wish);
   const bool last_run = client_config.resume_token != 0;
-  const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
-  if (!options.scene.empty()) {
-    twins = twin::load_twins(options.scene, 2);
-    no_twin = too_slow(*twins[0], config.rate_hz);
-    if (!no_twin.empty()) twins.clear();
-  }
-  // Where nobody has said which, the sample itself is the first choice. Who only looks on feels nothing, but
-  // sees by it the marks that others make.
-  const bool looks_on = options.observe && (view.wanted() || !options.record.empty());
-  bool looks_for_twin =
-      options.scene.empty() && (wants_twin || (file.chooses_method && (!options.observe || looks_on)));
-  if (looks_for_twin || !twins.empty())
-    client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
-  if (!twins.empty()) client_config.snapshot_bytes = snapshot_room(*twins[0]);
   std::optional<link::ClientSession> opened_session;
   std::optional<connection::Farewell> farewell;
-  connection::connect_to_any(opened_session, client_config, servers, config.rate_hz, stop,
+  connection::connect_to_any(opened_session, client_config, servers, file.station.rate_hz, stop,
                              [&](const std::string& why) {
                                if (!options.quiet) fmt::print(stderr, "note: {}\n", why);
                              });
   // Until the loop begins the session is this server's.
-  connection::ServerLink& way = servers.link();
-  const net::Address server = servers.address();
-  farewell.emplace(*opened_session, way.datagram(), server);
+  farewell.emplace(*opened_session, servers.link().datagram(), servers.address());
   const bool resumed = opened_session->resumed_unknown_account();
-  const std::vector<SceneChoice> scenes = list_scenes(*opened_session, way, server, scene.pipe(), stop);
-  if (!scenes.empty() && !options.quiet)
-    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
-               names_of(scenes));
-  if (!options.server_scene.empty())
-    choose_scene(*opened_session, way, server, scene.pipe(), options.server_scene, scenes, stop);
+  const std::vector<SceneChoice> scenes =
+      to_wanted_scene(options, *opened_session, servers, scene.pipe(), stop);
   SessionParts parts{.options = options,
                      .stop = stop,
                      .file = file,
@@ -123,7 +155,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      .opened = opened,
                      .servers = servers,
                      .session_file = session_file,
-                     .wants_twin = wants_twin,
+                     .wants_twin = wish.wanted,
                      .last_run = last_run,
                      .resumed = resumed,
                      .step_ring = client_config.step_ring,
@@ -131,9 +163,9 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      .session = opened_session,
                      .farewell = farewell,
                      .scenes = scenes,
-                     .looks_for_twin = looks_for_twin,
-                     .twins = std::move(twins),
-                     .no_twin = no_twin,
+                     .looks_for_twin = wish.looks_for,
+                     .twins = std::move(wish.twins),
+                     .no_twin = wish.no_twin,
                      .record = options.record};
   while (true) {
     if (const std::optional<int> exit_code = run_at_scene(parts)) return *exit_code;

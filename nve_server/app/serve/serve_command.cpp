@@ -223,6 +223,118 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   log_stopped(*log, workers, secure);
 }
 
+/// Who may connect, and how many.
+void add_admission_flags(CLI::App& command, ServeOptions& options) {
+  command.add_option("--max-sessions", options.max_sessions, "Maximum number of sessions at the same time")
+      ->capture_default_str()
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      .add_option("--sessions-per-peer", options.sessions_per_peer,
+                  "Maximum number of sessions per key, or per IP address if unencrypted (default: a quarter "
+                  "of --max-sessions, at least 4)")
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      .add_option("--local-rights", options.local_rights,
+                  "Rights of local users without a key (unencrypted only): observe | operate (default) | "
+                  "administer (may take a shared tip from anyone)")
+      ->check(CLI::IsMember(std::vector<std::string>(net::kRightsNames.begin(), net::kRightsNames.end())));
+  command
+      .add_option("--local-users", options.local_users,
+                  "Accept only these users of this machine, on loopback, each with a right, e.g. "
+                  "lab:operate,root:administer; the kernel identifies the user")
+      ->type_name("USER:RIGHT,...");
+}
+
+/// How a session is served, from its beginning to its end.
+void add_session_flags(CLI::App& command, ServeOptions& options) {
+  command
+      .add_option("--workers", options.workers,
+                  "Number of serving threads; a station's address and port decide which thread serves it")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  command.add_flag("--no-scene-sharing", options.no_scene_sharing,
+                   "Do not let stations download the scene (description and scan)");
+  command
+      .add_option("--timeout-ms", options.timeout_ms,
+                  "Silence of a station after which its tip is retracted (default: set by the scene)")
+      ->check(CLI::Range(10, 60000));
+  command
+      .add_option("--resume-s", options.resume_s,
+                  "How long a station that went silent can still resume its session")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 3600));
+  command
+      .add_option(
+          "--drain-seconds", options.drain_s,
+          "On SIGTERM, refuse new sessions and exit when the last one ends, or after this many seconds; a "
+          "second SIGTERM exits at once. SIGUSR1 drains without a time limit, even without this flag")
+      ->check(CLI::Range(1, 86400));
+  command
+      .add_option("--share", options.share,
+                  "private: each session has its own tip and sample (default); one-tip: one session moves "
+                  "the tip, the others observe")
+      ->check(CLI::IsMember({"private", "one-tip"}));
+}
+
+/// What makes replies faster, at a price.
+void add_latency_flags(CLI::App& command, ServeOptions& options) {
+  CLI::Option* const busy_poll =
+      command.add_flag("--busy-poll", options.busy_poll,
+                       "Spin instead of sleeping: the lowest latency, but each worker keeps one core busy");
+  // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
+  command
+      .add_option("--rt-priority", options.realtime_priority,
+                  "SCHED_FIFO priority of the serving threads, so that other programs do not delay replies; "
+                  "0: normal scheduling")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 99))
+      ->excludes(busy_poll);
+  command.add_flag(
+      "--low-latency", options.low_latency,
+      "Keep the processors out of deep sleep while serving: they wake faster, but produce more heat");
+}
+
+/// What is kept in files.
+void add_file_flags(CLI::App& command, ServeOptions& options) {
+  command
+      .add_option("--save-surface", options.surfaces,
+                  "Save each session's surface with its marks in this folder (SCENE-NUMBER.gsf, next free "
+                  "number), every 2 s and at the end of the session")
+      ->type_name("DIR");
+  command
+      .add_option("--checkpoint", options.checkpoints,
+                  "Save each session's tip, marks and energy account in this folder, every second and at "
+                  "the end; only this user may have access to it. After a restart, or on another server "
+                  "with the same folder and scene, the sessions continue")
+      ->type_name("DIR");
+  command
+      .add_option("--audit", options.audit,
+                  "Append one JSON line to this file for each session, refusal, change of the shared tip's "
+                  "holder and fault; SIGHUP reopens the file")
+      ->type_name("FILE");
+}
+
+/// What is shown over HTTP.
+void add_page_flags(CLI::App& command, ServeOptions& options) {
+  command
+      .add_option("--metrics", options.metrics,
+                  "Serve Prometheus metrics at HOST:PORT, e.g. 127.0.0.1:9464 (port 0: any free port), and "
+                  "/healthz and /readyz for monitoring")
+      ->type_name("HOST:PORT");
+  command.add_flag("--metrics-public", options.metrics_public,
+                   "Allow --metrics on a non-loopback address, where anyone can read it");
+  command
+      .add_option("--web", options.web,
+                  "Show the running sessions in a browser, read-only, at HOST:PORT, e.g. 127.0.0.1:8080; "
+                  "prints an address with a one-time token")
+      ->type_name("HOST:PORT");
+  command.add_flag("--web-public", options.web_public,
+                   "Allow --web on a non-loopback address, where pictures and token are sent unencrypted");
+  command.add_option("--web-clients", options.web_clients, "Maximum number of browsers at the same time")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+}
+
 }  // namespace
 
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code, SceneHeights heights) {
@@ -240,98 +352,12 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT to listen on; port 0: any free port")
       ->capture_default_str();
-  command->add_option("--max-sessions", options->max_sessions, "Maximum number of sessions at the same time")
-      ->capture_default_str()
-      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
-  command
-      ->add_option("--sessions-per-peer", options->sessions_per_peer,
-                   "Maximum number of sessions per key, or per IP address if unencrypted (default: a quarter "
-                   "of --max-sessions, at least 4)")
-      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
-  command
-      ->add_option("--local-rights", options->local_rights,
-                   "Rights of local users without a key (unencrypted only): observe | operate (default) | "
-                   "administer (may take a shared tip from anyone)")
-      ->check(CLI::IsMember(std::vector<std::string>(net::kRightsNames.begin(), net::kRightsNames.end())));
-  command
-      ->add_option("--local-users", options->local_users,
-                   "Accept only these users of this machine, on loopback, each with a right, e.g. "
-                   "lab:operate,root:administer; the kernel identifies the user")
-      ->type_name("USER:RIGHT,...");
-  command
-      ->add_option("--workers", options->workers,
-                   "Number of serving threads; a station's address and port decide which thread serves it")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 64));
-  command->add_flag("--no-scene-sharing", options->no_scene_sharing,
-                    "Do not let stations download the scene (description and scan)");
-  command
-      ->add_option("--timeout-ms", options->timeout_ms,
-                   "Silence of a station after which its tip is retracted (default: set by the scene)")
-      ->check(CLI::Range(10, 60000));
-  command
-      ->add_option("--resume-s", options->resume_s,
-                   "How long a station that went silent can still resume its session")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 3600));
-  command
-      ->add_option(
-          "--drain-seconds", options->drain_s,
-          "On SIGTERM, refuse new sessions and exit when the last one ends, or after this many seconds; a "
-          "second SIGTERM exits at once. SIGUSR1 drains without a time limit, even without this flag")
-      ->check(CLI::Range(1, 86400));
-  command
-      ->add_option("--share", options->share,
-                   "private: each session has its own tip and sample (default); one-tip: one session moves "
-                   "the tip, the others observe")
-      ->check(CLI::IsMember({"private", "one-tip"}));
-  CLI::Option* const busy_poll =
-      command->add_flag("--busy-poll", options->busy_poll,
-                        "Spin instead of sleeping: the lowest latency, but each worker keeps one core busy");
-  // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
-  command
-      ->add_option("--rt-priority", options->realtime_priority,
-                   "SCHED_FIFO priority of the serving threads, so that other programs do not delay replies; "
-                   "0: normal scheduling")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 99))
-      ->excludes(busy_poll);
-  command->add_flag(
-      "--low-latency", options->low_latency,
-      "Keep the processors out of deep sleep while serving: they wake faster, but produce more heat");
-  command
-      ->add_option("--save-surface", options->surfaces,
-                   "Save each session's surface with its marks in this folder (SCENE-NUMBER.gsf, next free "
-                   "number), every 2 s and at the end of the session")
-      ->type_name("DIR");
-  command
-      ->add_option("--checkpoint", options->checkpoints,
-                   "Save each session's tip, marks and energy account in this folder, every second and at "
-                   "the end; only this user may have access to it. After a restart, or on another server "
-                   "with the same folder and scene, the sessions continue")
-      ->type_name("DIR");
-  command
-      ->add_option("--audit", options->audit,
-                   "Append one JSON line to this file for each session, refusal, change of the shared tip's "
-                   "holder and fault; SIGHUP reopens the file")
-      ->type_name("FILE");
-  command
-      ->add_option("--metrics", options->metrics,
-                   "Serve Prometheus metrics at HOST:PORT, e.g. 127.0.0.1:9464 (port 0: any free port), and "
-                   "/healthz and /readyz for monitoring")
-      ->type_name("HOST:PORT");
-  command->add_flag("--metrics-public", options->metrics_public,
-                    "Allow --metrics on a non-loopback address, where anyone can read it");
-  command
-      ->add_option("--web", options->web,
-                   "Show the running sessions in a browser, read-only, at HOST:PORT, e.g. 127.0.0.1:8080; "
-                   "prints an address with a one-time token")
-      ->type_name("HOST:PORT");
-  command->add_flag("--web-public", options->web_public,
-                    "Allow --web on a non-loopback address, where pictures and token are sent unencrypted");
-  command->add_option("--web-clients", options->web_clients, "Maximum number of browsers at the same time")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 64));
+  // In the order of the help.
+  add_admission_flags(*command, *options);
+  add_session_flags(*command, *options);
+  add_latency_flags(*command, *options);
+  add_file_flags(*command, *options);
+  add_page_flags(*command, *options);
   command
       ->add_option("--dscp", options->dscp,
                    "DSCP marking of outgoing packets, for routers that use it: ef (46, expedited "

@@ -40,6 +40,34 @@ struct MarkedPotential::Onset {
   double stiffness_n_m;
   Vec3 normal_w;
   FlowFamily family;
+  double overload;  ///< there
+};
+
+/// Where the overload vanishes: it falls as a* grows, so between a radius that is too small and one that is too large.
+struct MarkedPotential::Bracket {
+  double from, r_from;  ///< where the flow begins
+  double low, r_low;
+  double high = HUGE_VAL, r_high = 0;
+
+  explicit Bracket(const Onset& onset) noexcept
+      : from(onset.a_nm), r_from(onset.overload), low(onset.a_nm), r_low(onset.overload) {}
+
+  /// The radius to try after `a`, which left this overload.
+  double after(double a, double overload) noexcept {
+    if (overload > 0.0) {
+      low = a;
+      r_low = overload;
+    } else {
+      high = a;
+      r_high = overload;
+    }
+    if (high < HUGE_VAL) {
+      const double next = low + (high - low) * (r_low / (r_low - r_high));
+      return next > low && next < high ? next : 0.5 * (low + high);
+    }
+    return a + std::clamp(1.5 * (a - from) * overload / std::max(1e-12, r_from - overload), 0.1 * (a - from),
+                          2.0 * (a - from));
+  }
 };
 
 MarkedPotential::MarkedPotential(const ScanFields& unmarked, const SplineSurface& heights,
@@ -89,6 +117,88 @@ double MarkedPotential::overload(const TipSolution& solution, double origin) con
          (kPi * plastic_.hardness_gpa() * a * a);
 }
 
+// Nothing where the contact bears its load without flow.
+std::optional<MarkedPotential::Onset> MarkedPotential::onset_of(const TipSolution& elastic) const noexcept {
+  if (elastic.under_way || !(elastic.normal_force_nn > 0.0) || !(elastic.contact_radius_nm > 0.0)) return {};
+  const double from = plastic_.yield_radius_nm(elastic.radius_nm);
+  double cosine, unmarked;
+  fields_->ground.ground_at(elastic.apex_w_nm, cosine, unmarked);
+  const double origin = det_exp(unmarked);
+  const double too_much = overload(elastic, origin);
+  if (!(too_much > kYieldSlack)) return {};
+  const double last =
+      std::max(from, plastic_.strain() * std::min(last_radius_nm_, PlasticContact::kMostRadii * origin));
+  return Onset{elastic.radius_nm,
+               from,
+               origin,
+               std::max(cosine, kLeastCosine),
+               elastic.stiffness_n_m,
+               elastic.normal_w.normalized(),
+               FlowFamily(plastic_.strain(), origin, last),
+               too_much};
+}
+
+// A first guess of the a* that bears the load: Hertz's slopes at the onset say how far (plastic_contact.cpp).
+double MarkedPotential::first_radius_nm(const Onset& onset, const Compliance& c) const noexcept {
+  const double from = onset.a_nm, origin = onset.origin_nm;
+  const double hard = kPi * plastic_.hardness_gpa();
+  const double rate =
+      from < onset.family.first_nm ? plastic_.strain() : 2.0 * from / origin - plastic_.strain();
+  const double k = std::max(0.0, onset.stiffness_n_m);
+  const double soft = 1.0 + k * onset.normal_w.dot(c * onset.normal_w);
+  const double falls = (k * rate - 0.5 * elastic_.solution.normal_force_nn / from) / soft + 2.0 * hard * from;
+  const double guess = falls > 0.0 ? onset.overload * hard * from * from / falls : 0.1 * from;
+  return from + std::clamp(guess, 1e-9 * from, 0.5 * from);
+}
+
+// Lets the ground flow until it bears the tip; the fields stay as they were. Null: no trial found a balance.
+const MarkedPotential::Trial* MarkedPotential::flow(const Onset& onset, const Vec3& free_end,
+                                                    const Compliance& c,
+                                                    const PotentialState& from) noexcept {
+  Bracket bracket(onset);
+  double a = first_radius_nm(onset, c);
+  const Trial* kept = nullptr;
+  int now = 0;
+  for (int i = 0; i < kMostFlows; ++i) {
+    Trial& trial = trials_[now];
+    flow_to(a, onset, free_end, c, from, trial);
+    if (trial.solution.status != SolveStatus::kOk) break;
+    kept = &trial;
+    now = 1 - now;
+    if (trial.solution.under_way || std::abs(trial.overload) <= kFlowDone) break;
+    a = bracket.after(a, trial.overload);
+  }
+  fields_->lowered_nm = fields_->log_radius_rise = 0;
+  return kept;
+}
+
+// Where and how the ground flowed, for accept() and who reports it.
+void MarkedPotential::tell_flow(const Onset& onset, const Trial& kept, TipSolution& solution) const noexcept {
+  PlasticFlow& flow = solution.yielded.flow;
+  flow.depth_nm = kept.lowered_nm * onset.cosine;
+  flow.contact_radius_nm = kept.a_nm;
+  flow.radius_nm = onset.family.radius_nm(kept.a_nm);
+  solution.yielded.from_radius_nm = onset.radius_nm;
+  solution.yielded.origin_radius_nm = onset.origin_nm;
+  const Vec3 normal = solution.normal_w.normalized();
+  solution.yielded.at_w_nm = solution.apex_w_nm + tip_radius_nm_ * (Vec3::UnitZ() - normal);
+  if (solution.normal_force_nn > 0.0) {
+    solution.stiffness_n_m = kPi * plastic_.hardness_gpa() * std::min(onset.origin_nm, flow.radius_nm);
+  }
+}
+
+// What a step that flowed has lost (see Energy). By the descent alone where the step before says nothing of this one's work.
+double MarkedPotential::lost_aj(const TipSolution& solution) const noexcept {
+  const double by_descent = solution.dissipated_aj;
+  if (!last_.known || last_.under_way || solution.under_way) return std::max(0.0, by_descent);
+  const double work =
+      -0.5 * (last_.force_w_nn + solution.force_w_nn).dot(solution.apex_w_nm - last_.apex_w_nm);
+  double lost = work - (solution.potential_aj - last_.potential_aj) -
+                (solution.friction_stored_aj - last_.friction_stored_aj) - solution.friction_dissipated_aj;
+  if (solution.jumps > 0) lost = std::max(lost, by_descent);
+  return std::max(0.0, lost);
+}
+
 TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
                                      PotentialState& state) noexcept {
   fields_->lowered_nm = fields_->log_radius_rise = 0;
@@ -97,98 +207,19 @@ TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
   elastic_.solution = equilibrium_.advance(free_end, c, elastic_.state);
   const TipSolution& elastic = elastic_.solution;
   if (elastic.status != SolveStatus::kOk) return elastic;
-  const auto ends_elastic = [&] {
+  std::optional<Onset> onset;
+  if (state.started) onset = onset_of(elastic);
+  const Trial* const flowed = onset ? flow(*onset, free_end, c, state) : nullptr;
+  if (flowed == nullptr) {
     state = elastic_.state;
     return elastic;
-  };
-  if (!state.started || elastic.under_way || !(elastic.normal_force_nn > 0.0) ||
-      !(elastic.contact_radius_nm > 0.0)) {
-    return ends_elastic();
   }
-  const double from = plastic_.yield_radius_nm(elastic.radius_nm);
-  const double hard = kPi * plastic_.hardness_gpa();
-  double cosine, unmarked;
-  fields_->ground.ground_at(elastic.apex_w_nm, cosine, unmarked);
-  const double origin = det_exp(unmarked);
-  const double r_from = overload(elastic, origin);
-  if (!(r_from > kYieldSlack)) return ends_elastic();
-
-  const double last =
-      std::max(from, plastic_.strain() * std::min(last_radius_nm_, PlasticContact::kMostRadii * origin));
-  const Onset onset{elastic.radius_nm,
-                    from,
-                    origin,
-                    std::max(cosine, kLeastCosine),
-                    elastic.stiffness_n_m,
-                    elastic.normal_w.normalized(),
-                    FlowFamily(plastic_.strain(), origin, last)};
-  // The overload falls in a*: Hertz's slopes at the onset say how far (plastic_contact.cpp).
-  const double rate =
-      from < onset.family.first_nm ? plastic_.strain() : 2.0 * from / origin - plastic_.strain();
-  const double k = std::max(0.0, elastic.stiffness_n_m);
-  const double soft = 1.0 + k * onset.normal_w.dot(c * onset.normal_w);
-  const double falls = (k * rate - 0.5 * elastic.normal_force_nn / from) / soft + 2.0 * hard * from;
-  const double guess = falls > 0.0 ? r_from * hard * from * from / falls : 0.1 * from;
-  double low = from, r_low = r_from;
-  double high = HUGE_VAL, r_high = 0;
-  double a = from + std::clamp(guess, 1e-9 * from, 0.5 * from);
-  int now = 0;
-  bool flowed = false;
-  for (int i = 0; i < kMostFlows; ++i) {
-    Trial& trial = trials_[now];
-    flow_to(a, onset, free_end, c, state, trial);
-    if (trial.solution.status != SolveStatus::kOk) break;
-    flowed = true;
-    now = 1 - now;  // the other is the one to keep
-    if (trial.solution.under_way || std::abs(trial.overload) <= kFlowDone) break;
-    if (trial.overload > 0.0) {
-      low = a;
-      r_low = trial.overload;
-    } else {
-      high = a;
-      r_high = trial.overload;
-    }
-    double next;
-    if (high < HUGE_VAL) {
-      next = low + (high - low) * (r_low / (r_low - r_high));
-      if (!(next > low && next < high)) next = 0.5 * (low + high);
-    } else {
-      next = a + std::clamp(1.5 * (a - from) * trial.overload / std::max(1e-12, r_from - trial.overload),
-                            0.1 * (a - from), 2.0 * (a - from));
-    }
-    a = next;
-  }
-  fields_->lowered_nm = fields_->log_radius_rise = 0;
-  if (!flowed) return ends_elastic();
-
-  const Trial& kept = trials_[1 - now];
-  TipSolution solution = kept.solution;
-  state = kept.state;
-  pending_lowered_nm_ = kept.lowered_nm;
-  PlasticFlow& flow = solution.yielded.flow;
-  flow.depth_nm = kept.lowered_nm * onset.cosine;
-  flow.contact_radius_nm = kept.a_nm;
-  flow.radius_nm = onset.family.radius_nm(kept.a_nm);
-  solution.yielded.from_radius_nm = onset.radius_nm;
-  solution.yielded.origin_radius_nm = origin;
-  const Vec3 normal = solution.normal_w.normalized();
-  solution.yielded.at_w_nm = solution.apex_w_nm + tip_radius_nm_ * (Vec3::UnitZ() - normal);
-  if (solution.normal_force_nn > 0.0) {
-    solution.stiffness_n_m = hard * std::min(origin, flow.radius_nm);
-  }
-  const double by_descent = solution.dissipated_aj;
-  double lost = 0;
-  if (last_.known && !last_.under_way && !solution.under_way) {
-    const double work =
-        -0.5 * (last_.force_w_nn + solution.force_w_nn).dot(solution.apex_w_nm - last_.apex_w_nm);
-    lost = work - (solution.potential_aj - last_.potential_aj) -
-           (solution.friction_stored_aj - last_.friction_stored_aj) - solution.friction_dissipated_aj;
-    if (solution.jumps > 0) lost = std::max(lost, by_descent);
-  } else {
-    lost = by_descent;
-  }
-  solution.dissipated_aj = std::max(0.0, lost);
-  flow.dissipated_aj = solution.dissipated_aj;
+  TipSolution solution = flowed->solution;
+  state = flowed->state;
+  pending_lowered_nm_ = flowed->lowered_nm;
+  tell_flow(*onset, *flowed, solution);
+  solution.dissipated_aj = lost_aj(solution);
+  solution.yielded.flow.dissipated_aj = solution.dissipated_aj;
   return solution;
 }
 

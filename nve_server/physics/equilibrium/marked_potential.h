@@ -128,6 +128,13 @@ class MarkedPotential {
     PotentialState state;
   };
   struct Onset;
+  struct Bracket;
+  std::optional<Onset> onset_of(const TipSolution& elastic) const noexcept;
+  double first_radius_nm(const Onset& onset, const Compliance& c) const noexcept;
+  const Trial* flow(const Onset& onset, const Vec3& free_end, const Compliance& c,
+                    const PotentialState& from) noexcept;
+  void tell_flow(const Onset& onset, const Trial& kept, TipSolution& solution) const noexcept;
+  double lost_aj(const TipSolution& solution) const noexcept;
   void flow_to(double a_nm, const Onset& onset, const Vec3& free_end, const Compliance& c,
                const PotentialState& from, Trial& trial) noexcept;
 

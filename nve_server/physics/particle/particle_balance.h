@@ -104,6 +104,13 @@ class ParticleBalance {
     double radius_found_nm = 0, radius_gap_nm = 0;
   };
 
+  // Motion of a contact's upper body less that of its lower: d = tip·Δp + particle·Δq.
+  struct Pair {
+    double tip;
+    double particle;
+  };
+  static constexpr std::array<Pair, kParticleContacts> kPairs = {Pair{1, 0}, Pair{-1, 1}, Pair{0, 1}};
+
   static constexpr bool on_ground(int i) noexcept { return i != kTipParticle; }
   bool lean(int i, const Vec3& centre_w_nm, ContactTrial& contact) noexcept;
   bool touch(const Vec3& apart_w_nm, ContactTrial& contact) noexcept;
@@ -113,14 +120,16 @@ class ParticleBalance {
   double unsettled_nn() const noexcept;
   bool on_held_branches() const noexcept;
   SolveStatus minimise(bool to_the_end) noexcept;
-  double excess(const Vec9& step) const noexcept;
-  bool find_step(bool convex, Vec9& step) noexcept;
-  bool descend(const Vec9& step, double tolerance) noexcept;
   bool go_over() noexcept;
-  void hessian(const Trial& trial, bool convex, Mat9& h) const noexcept;
-  bool find_tip_step(bool convex, Vec9& step) const noexcept;
   double size(const Vec9& gradient) const noexcept;
   double tolerance_nn(const Trial& trial) const noexcept;
+
+  // Newton's step (particle_balance_newton.cpp).
+  void hessian(const Trial& trial, bool convex, Mat9& h) const noexcept;
+  double excess(const Vec9& step) const noexcept;
+  bool find_tip_step(bool convex, Vec9& step) const noexcept;
+  bool find_step(bool convex, Vec9& step) noexcept;
+  bool descend(const Vec9& step, double tolerance) noexcept;
 
   const ParticleModel& model_;
   const ParticleState& from_;

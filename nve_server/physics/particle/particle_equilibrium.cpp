@@ -37,6 +37,55 @@ double allowed_step(const ParticleModel& model, const ParticleState& state) noex
   return step;
 }
 
+/// The straight way of the free end in one step, gone in sub-steps: shorter ones where a balance was not found, longer ones
+/// again after each that was.
+class FreeEndWay {
+ public:
+  FreeEndWay(const Vec3& origin, const Vec3& target) noexcept
+      : origin_(origin), target_(target), way_(target - origin), distance_(way_.norm()), end_(origin) {}
+
+  struct SubStep {
+    double part;  ///< of the whole way
+    bool last;
+    Vec3 end;  ///< of the free end
+  };
+  SubStep next(const ParticleModel& model, const ParticleState& state) const noexcept {
+    double part = 1.0 - done_;
+    if (distance_ > 0.0)
+      part = std::min(part, refined_ * allowed_step(model, state) / distance_);
+    else
+      part *= refined_;
+    const bool last = part >= 1.0 - done_;
+    return {part, last, last ? target_ : Vec3(origin_ + (done_ + part) * way_)};
+  }
+  double refine() noexcept { return refined_ *= kRefine; }
+  void go(const SubStep& step) noexcept {
+    refined_ = std::min(1.0, 2.0 * refined_);
+    end_ = step.end;
+    done_ = step.last ? 1.0 : done_ + step.part;
+  }
+
+  bool is_done() const noexcept { return !(done_ < 1.0); }
+  double refined() const noexcept { return refined_; }  ///< of the longest sub-step allowed
+  const Vec3& end() const noexcept { return end_; }     ///< where it is now
+
+ private:
+  Vec3 origin_, target_, way_;
+  double distance_;
+  double done_ = 0.0;
+  double refined_ = 1.0;
+  Vec3 end_;
+};
+
+/// There is no answer: only why, and what was spent on it.
+void refuse(SolveStatus status, ParticleSolution& out) noexcept {
+  const int substeps = out.substeps, iterations = out.iterations;
+  renew(out);
+  out.status = out.tip.status = status;
+  out.substeps = substeps;
+  out.iterations = out.tip.iterations = iterations;
+}
+
 double spring_energy(const Vec3& force, const Mat3& compliance) noexcept {
   return 0.5 * force.dot(compliance * force);
 }
@@ -163,23 +212,50 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
   return out;
 }
 
+// Accepts a sub-step: keeps its balance in `now`, and adds what it lost to `out`. `carried_nm` is how far the free end went.
+// A step that placed the tip (`counts` false) has no losses.
+void ParticleEquilibrium::take(const ParticleBalance& balance, const Mat3& soft, const Vec3& carried_nm,
+                               bool counts, ParticleState& now, ParticleSolution& out) const noexcept {
+  const double before = now.potential_aj + spring_energy(now.tip_force_w_nn, soft);
+  const Vec3 force_before = now.tip_force_w_nn;
+  const double friction = std::max(0.0, balance.friction_loss_aj());
+  const double drag = balance.drag_loss_aj();
+  const Vec3 lay = now.particle_centre_w_nm;
+  const Vec3 lay_turned = now.turned_w_rad;
+  const bool asleep = now.sleep.asleep;
+  balance.store(now);
+  if (!asleep) {
+    const double moved = (now.particle_centre_w_nm - lay).norm() +
+                         (now.turned_w_rad - lay_turned).norm() * model_.parameters.particle_radius_nm;
+    now.sleep.asleep = counts && moved < kStill_nm && rests(balance) && left_alone(balance, kFallsAsleep);
+  }
+  out.tip.jumps += balance.jumps();
+  if (!counts) return;
+  const Vec3 force = now.tip_force_w_nn;
+  const double after = now.potential_aj + spring_energy(force, soft);
+  const double work = -0.5 * (force_before + force).dot(carried_nm);
+  const double rest = work - (after - before) - friction - drag;
+  // A fall that is not seen as such still exceeds what a trapezium can err by, and the rounding of U.
+  const double error = 0.5 * std::abs((force - force_before).dot(carried_nm)) +
+                       kEnergyRounding * (std::abs(before) + std::abs(after));
+  const bool fell = balance.jumps() > 0 || balance.unstable() || rest > error;
+  out.friction_loss_aj += friction;
+  out.drag_loss_aj += drag;
+  if (fell) out.jump_loss_aj += std::max(0.0, rest);
+}
+
 void ParticleEquilibrium::advance_in_place(const Vec3& free_end, const Compliance& compliance, double dt_s,
                                            ParticleState& now, ParticleSolution& out) const noexcept {
   renew(out);
-  const auto refuse = [&out](SolveStatus status) {
-    const int substeps = out.substeps, iterations = out.iterations;
-    renew(out);
-    out.status = out.tip.status = status;
-    out.substeps = substeps;
-    out.iterations = out.tip.iterations = iterations;
-  };
   if (!is_finite(free_end) || !compliance.allFinite() || !std::isfinite(dt_s) || !(dt_s > 0.0)) {
-    return refuse(SolveStatus::kNonFinite);
+    return refuse(SolveStatus::kNonFinite, out);
   }
   const Mat3 soft = compliance + kLeastCompliance * Mat3::Identity();
   const Mat3 inverse = soft.inverse();
   const Mat3 spring = 0.5 * (inverse + inverse.transpose());
-  if (!spring.allFinite() || !(spring.diagonal().minCoeff() > 0.0)) return refuse(SolveStatus::kNonFinite);
+  if (!spring.allFinite() || !(spring.diagonal().minCoeff() > 0.0)) {
+    return refuse(SolveStatus::kNonFinite, out);
+  }
 
   const Vec3 target = free_end + Vec3(0.0, 0.0, model_.parameters.tip_radius_nm);
   const bool started = now.started;
@@ -187,26 +263,16 @@ void ParticleEquilibrium::advance_in_place(const Vec3& free_end, const Complianc
     now.tip_centre_w_nm = target;  // nobody carried it here: no work, no loss
     now.tip_force_w_nn.setZero();
   }
-  const Vec3 origin = now.tip_centre_w_nm - soft * now.tip_force_w_nn;
-  const Vec3 way = target - origin;
-  const double distance = way.norm();
-  double done = 0.0;
-  double refined = 1.0;
-  Vec3 end = origin;
+  FreeEndWay way(now.tip_centre_w_nm - soft * now.tip_force_w_nn, target);
   const Vec3 turned_before = now.turned_w_rad;
-  while (done < 1.0) {
+  while (!way.is_done()) {
     if (++out.substeps > kMaxSubsteps || out.iterations > kMaxIterationsInAll) {
-      return refuse(SolveStatus::kNotConverged);
+      return refuse(SolveStatus::kNotConverged, out);
     }
-    double part = 1.0 - done;
-    if (distance > 0.0)
-      part = std::min(part, refined * allowed_step(model_, now) / distance);
-    else
-      part *= refined;
-    const bool last = part >= 1.0 - done;
-    const Vec3 next = last ? target : Vec3(origin + (done + part) * way);
+    const FreeEndWay::SubStep next = way.next(model_, now);
     const bool asleep = now.sleep.asleep;
-    ParticleBalance balance(model_, now, spring, next, std::max(dt_s * part, kShortestTime_s), asleep);
+    ParticleBalance balance(model_, now, spring, next.end, std::max(dt_s * next.part, kShortestTime_s),
+                            asleep);
     const SolveStatus status = balance.solve();
     out.iterations += balance.iterations();
     if (asleep && (status != SolveStatus::kOk || !left_alone(balance, 1.0))) {
@@ -214,47 +280,18 @@ void ParticleEquilibrium::advance_in_place(const Vec3& free_end, const Complianc
       continue;
     }
     if (status != SolveStatus::kOk) {
-      refined *= kRefine;
-      if (refined < kFinest) return refuse(status);
+      if (way.refine() < kFinest) return refuse(status, out);
       continue;
     }
     // Two contacts pull at the particle and one gives way: which, must not depend on how far the step
     // overshoots. Come near first.
-    if (touching(now) && !touching(balance) && refined > kReleaseRefinement) {
-      refined *= kRefine;
+    if (touching(now) && !touching(balance) && way.refined() > kReleaseRefinement) {
+      way.refine();
       continue;
     }
-    refined = std::min(1.0, 2.0 * refined);
-
-    const double before = now.potential_aj + spring_energy(now.tip_force_w_nn, soft);
-    const Vec3 force_before = now.tip_force_w_nn;
-    const double friction = std::max(0.0, balance.friction_loss_aj());
-    const double drag = balance.drag_loss_aj();
-    const Vec3 lay = now.particle_centre_w_nm;
-    const Vec3 lay_turned = now.turned_w_rad;
-    balance.store(now);
-    if (!asleep) {
-      const double moved = (now.particle_centre_w_nm - lay).norm() +
-                           (now.turned_w_rad - lay_turned).norm() * model_.parameters.particle_radius_nm;
-      now.sleep.asleep = started && moved < kStill_nm && rests(balance) && left_alone(balance, kFallsAsleep);
-    }
-    const Vec3 force = now.tip_force_w_nn;
-    const double after = now.potential_aj + spring_energy(force, soft);
-    const double work = -0.5 * (force_before + force).dot(next - end);
-    const double rest = work - (after - before) - friction - drag;
-    // A fall that is not seen as such still exceeds what a trapezium can err by, and the rounding of U.
-    const double error = 0.5 * std::abs((force - force_before).dot(next - end)) +
-                         kEnergyRounding * (std::abs(before) + std::abs(after));
-    const bool fell = balance.jumps() > 0 || balance.unstable() || rest > error;
-    if (started) {
-      out.friction_loss_aj += friction;
-      out.drag_loss_aj += drag;
-      if (fell) out.jump_loss_aj += std::max(0.0, rest);
-    }
-    end = next;
-    done = last ? 1.0 : done + part;
-    out.tip.jumps += balance.jumps();
-    if (!(done < 1.0)) describe(model_, balance, now, out);
+    take(balance, soft, next.end - way.end(), started, now, out);
+    way.go(next);
+    if (way.is_done()) describe(model_, balance, now, out);
   }
   out.dissipated_aj = out.friction_loss_aj + out.drag_loss_aj + out.jump_loss_aj;
   out.turned_w_rad = now.turned_w_rad - turned_before;

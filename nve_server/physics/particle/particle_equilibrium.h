@@ -111,6 +111,8 @@ class ParticleEquilibrium {
  private:
   bool rests(const ParticleBalance& balance) const noexcept;
   bool left_alone(const ParticleBalance& balance, double share) const noexcept;
+  void take(const ParticleBalance& balance, const Mat3& soft, const Vec3& carried_nm, bool counts,
+            ParticleState& now, ParticleSolution& out) const noexcept;
 
   ParticleModel model_;
   double little_pull_nn_ = 0;  // of the tip at a particle that sleeps

@@ -273,6 +273,7 @@ class ScanFields final : public ContactFields {
   static void interpolate(const Grid& grid, const std::vector<DilatedNode>& nodes, int i0, int j0, int nx,
                           double most_log_radius, const Patch& to, int lane) noexcept;
   static int folded(int i, int count) noexcept { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); }
+  class Rises;
   static void hold_growth(const Patch& fields, double fine_t) noexcept;
   static void hold_growth(const Grid& finer, const Patch& fine, const Grid& coarse, const Patch& raw,
                           const Patch& raised, double fine_t);

@@ -266,20 +266,130 @@ void ScanFields::hold_growth(const Patch& fields, double fine_t) noexcept {
   }
 }
 
+/// How far the coefficients of a grid's even level rise over the odd one of the finer grid before.
+class ScanFields::Rises {
+ public:
+  Rises(const Grid& coarse, const Patch& raised)
+      : columns_(coarse.columns + 2),
+        rows_(coarse.rows + 2),
+        across_(risen_span(raised.left, raised.right, columns_)),
+        along_(risen_span(raised.low, raised.high, rows_)),
+        rise_(static_cast<std::size_t>(across_.count()) * static_cast<std::size_t>(along_.count()) * 2) {}
+
+  void look(const Grid& finer, const Patch& fine, const Patch& raw, double fine_t) noexcept;
+  void raise(const Patch& raw, const Patch& raised) const noexcept;
+
+ private:
+  static double fine_value(const Patch& fine, int i, int j, int lane) noexcept;
+  static void coarse_value(const Patch& raw, int i, int j, double& height, double& cosine) noexcept;
+  void ask(int i, int j, double by_height, double by_cosine) noexcept;
+  std::size_t index(int i, int j) const noexcept {
+    return static_cast<std::size_t>((j - along_.first) * across_.count() + i - across_.first) * 2;
+  }
+
+  int columns_, rows_;
+  Span across_, along_;
+  std::vector<double> rise_;  // height and cosine of each coefficient
+};
+
+// The finer spline at one of its nodes.
+double ScanFields::Rises::fine_value(const Patch& fine, int i, int j, int lane) noexcept {
+  const auto line = [&](int row) {
+    return fine.at(i, row)[lane] + 4.0 * fine.at(i + 1, row)[lane] + fine.at(i + 2, row)[lane];
+  };
+  return (line(j) + 4.0 * line(j + 1) + line(j + 2)) / 36.0;
+}
+
+// The coarse spline at a node of the finer grid, by all four coefficients a line.
+void ScanFields::Rises::coarse_value(const Patch& raw, int i, int j, double& height,
+                                     double& cosine) noexcept {
+  const auto weights_of = [](int k, double(&w)[4]) {
+    if (k % 2 == 0) {
+      w[0] = w[2] = 1.0 / 6, w[1] = 4.0 / 6, w[3] = 0.0;
+    } else {
+      w[0] = w[3] = 1.0 / 48, w[1] = w[2] = 23.0 / 48;
+    }
+  };
+  double wi[4], wj[4];
+  weights_of(i, wi);
+  weights_of(j, wj);
+  height = cosine = 0;
+  for (int r = 0; r < 4; ++r) {
+    for (int k = 0; k < 4; ++k) {
+      if (wj[r] * wi[k] == 0.0) continue;
+      const double* c = raw.at(i / 2 + k, j / 2 + r);  // of the padded ones: node i/2 is at i/2 + 1
+      height += wj[r] * wi[k] * c[0];
+      cosine += wj[r] * wi[k] * c[2];
+    }
+  }
+}
+
+// Asks those coefficients to rise that weigh most at a node of the finer grid, by so much that it rises by this.
+void ScanFields::Rises::ask(int i, int j, double by_height, double by_cosine) noexcept {
+  struct Line {
+    int count;
+    double share;  // of the whole weight; the outermost two of a half-way place are left out
+  };
+  constexpr Line kNode{3, 1.0};
+  constexpr Line kHalfWay{2, 23.0 / 24};
+  const Line& across = i % 2 == 0 ? kNode : kHalfWay;
+  const Line& along = j % 2 == 0 ? kNode : kHalfWay;
+  const double share = across.share * along.share;
+  const int from_i = i / 2 + (i % 2), from_j = j / 2 + (j % 2);
+  for (int r = 0; r < along.count; ++r) {
+    for (int k = 0; k < across.count; ++k) {
+      if (!across_.has(from_i + k) || !along_.has(from_j + r)) continue;
+      double* up = &rise_[index(from_i + k, from_j + r)];
+      up[0] = std::max(up[0], by_height / share);
+      up[1] = std::max(up[1], by_cosine / share);
+    }
+  }
+}
+
+// Looks at the nodes of the finer grid where the coarser one is too low.
+void ScanFields::Rises::look(const Grid& finer, const Patch& fine, const Patch& raw, double fine_t) noexcept {
+  const Span nodes_x = nodes_that_raise(across_, finer.columns);
+  const Span nodes_y = nodes_that_raise(along_, finer.rows);
+  for (int j = nodes_y.first; j <= nodes_y.last; ++j) {
+    for (int i = nodes_x.first; i <= nodes_x.last; ++i) {
+      double height, cosine;
+      coarse_value(raw, i, j, height, cosine);
+      const double by_height = missing_height(height, fine_value(fine, i, j, 3), fine_t);
+      const double by_cosine = missing_cosine(cosine, fine_value(fine, i, j, 5));
+      if (by_height > 0.0 || by_cosine > 0.0) ask(i, j, by_height, by_cosine);
+    }
+  }
+}
+
+// Mirrored ends stay mirrored: a coefficient rises with its image.
+void ScanFields::Rises::raise(const Patch& raw, const Patch& raised) const noexcept {
+  // The image of a coefficient at the rim; of the inner one beside it the rim's: the two share the greater rise.
+  const auto image = [](int i, int count) {
+    if (i == 0 || i == 2) return 2 - i;
+    return i == count - 1 || i == count - 3 ? 2 * count - 4 - i : i;
+  };
+  for (int j = raised.low; j <= raised.high; ++j) {
+    for (int i = raised.left; i <= raised.right; ++i) {
+      const int mi = image(i, columns_), mj = image(j, rows_);
+      double* const c = raw.at(i, j);
+      const std::size_t all[4] = {index(i, j), index(mi, j), index(i, mj), index(mi, mj)};
+      double height = 0, cosine = 0;
+      for (const std::size_t one : all) {
+        height = std::max(height, rise_[one]);
+        cosine = std::max(cosine, rise_[one + 1]);
+      }
+      c[0] += height;
+      c[2] = std::min(1.0, c[2] + cosine);
+    }
+  }
+}
+
 // Of the even level of a grid over the odd one of the finer grid before: looked at on the finer one's nodes,
 // and where it is too low the coefficients that weigh most there are raised. At a node common to both the 3 ×
 // 3 around it have the whole weight, half way between nodes the nearest two of a line 23/24 of it.
 // `raised`: in place; what reaches them must be in `raw` and `fine` (reach_of_growth).
 void ScanFields::hold_growth(const Grid& finer, const Patch& fine_fields, const Grid& coarse,
                              const Patch& raw, const Patch& raised, double fine_t) {
-  const int columns = coarse.columns + 2, rows = coarse.rows + 2;
-  struct Line {
-    double weight[3];
-    int count;
-    double share;  // of the whole weight; the outermost two of a half-way place are left out
-  };
-  constexpr Line kNode{{1.0 / 6, 4.0 / 6, 1.0 / 6}, 3, 1.0};
-  constexpr Line kHalfWay{{23.0 / 48, 23.0 / 48, 0.0}, 2, 23.0 / 24};
   if (finer.columns == coarse.columns) {
     for (int j = raised.low; j <= raised.high; ++j) {
       for (int i = raised.left; i <= raised.right; ++i) {
@@ -291,81 +401,9 @@ void ScanFields::hold_growth(const Grid& finer, const Patch& fine_fields, const 
     }
     return;
   }
-  const Span across_ = risen_span(raised.left, raised.right, columns);
-  const Span along_ = risen_span(raised.low, raised.high, rows);
-  std::vector<double> rise(static_cast<std::size_t>(across_.count()) *
-                           static_cast<std::size_t>(along_.count()) * 2);
-  const auto from = [&](int i, int j) {
-    return &rise[static_cast<std::size_t>((j - along_.first) * across_.count() + i - across_.first) * 2];
-  };
-  const Span nodes_x = nodes_that_raise(across_, finer.columns);
-  const Span nodes_y = nodes_that_raise(along_, finer.rows);
-  for (int j = nodes_y.first; j <= nodes_y.last; ++j) {
-    for (int i = nodes_x.first; i <= nodes_x.last; ++i) {
-      const auto fine_value = [&](int lane) {
-        const auto line = [&](int row) {
-          return fine_fields.at(i, row)[lane] + 4.0 * fine_fields.at(i + 1, row)[lane] +
-                 fine_fields.at(i + 2, row)[lane];
-        };
-        return (line(j) + 4.0 * line(j + 1) + line(j + 2)) / 36.0;
-      };
-      // The coarse spline there, all four coefficients a line.
-      const auto weights_of = [](int k, int& first, double(&w)[4]) {
-        first = k / 2;  // of the padded coefficients: node k/2 is at first + 1
-        if (k % 2 == 0) {
-          w[0] = w[2] = 1.0 / 6, w[1] = 4.0 / 6, w[3] = 0.0;
-        } else {
-          w[0] = w[3] = 1.0 / 48, w[1] = w[2] = 23.0 / 48;
-        }
-      };
-      int ci, cj;
-      double wi[4], wj[4];
-      weights_of(i, ci, wi);
-      weights_of(j, cj, wj);
-      double height = 0, cosine = 0;
-      for (int r = 0; r < 4; ++r) {
-        for (int k = 0; k < 4; ++k) {
-          if (wj[r] * wi[k] == 0.0) continue;
-          const double* c = raw.at(ci + k, cj + r);
-          height += wj[r] * wi[k] * c[0];
-          cosine += wj[r] * wi[k] * c[2];
-        }
-      }
-      const double by_height = missing_height(height, fine_value(3), fine_t);
-      const double by_cosine = missing_cosine(cosine, fine_value(5));
-      if (!(by_height > 0.0 || by_cosine > 0.0)) continue;
-      const Line& across = i % 2 == 0 ? kNode : kHalfWay;
-      const Line& along = j % 2 == 0 ? kNode : kHalfWay;
-      const double share = across.share * along.share;
-      const int from_i = ci + (i % 2), from_j = cj + (j % 2);
-      for (int r = 0; r < along.count; ++r) {
-        for (int k = 0; k < across.count; ++k) {
-          if (!across_.has(from_i + k) || !along_.has(from_j + r)) continue;
-          double* up = from(from_i + k, from_j + r);
-          up[0] = std::max(up[0], by_height / share);
-          up[1] = std::max(up[1], by_cosine / share);
-        }
-      }
-    }
-  }
-  // Mirrored ends stay mirrored: a coefficient rises with its image.
-  const auto image = [](int i, int count) { return i == 0 ? 2 : (i == count - 1 ? count - 3 : i); };
-  for (int j = raised.low; j <= raised.high; ++j) {
-    for (int i = raised.left; i <= raised.right; ++i) {
-      // image() of the inner one beside the rim: the two share the greater rise.
-      const int mi = i == 2 ? 0 : (i == columns - 3 ? columns - 1 : image(i, columns));
-      const int mj = j == 2 ? 0 : (j == rows - 3 ? rows - 1 : image(j, rows));
-      double* const c = raw.at(i, j);
-      const double* all[4] = {from(i, j), from(mi, j), from(i, mj), from(mi, mj)};
-      double height = 0, cosine = 0;
-      for (const double* one : all) {
-        height = std::max(height, one[0]);
-        cosine = std::max(cosine, one[1]);
-      }
-      c[0] += height;
-      c[2] = std::min(1.0, c[2] + cosine);
-    }
-  }
+  Rises rises(coarse, raised);
+  rises.look(finer, fine_fields, raw, fine_t);
+  rises.raise(raw, raised);
 }
 
 }  // namespace telenano::physics
