@@ -9,6 +9,7 @@
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/particle/particle_balance.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/physics/particle_scene.h"
@@ -84,6 +85,56 @@ TEST(Particle, LongStepsDoNotPassThroughIt) {
   ASSERT_EQ(s.status, SolveStatus::kOk);
   EXPECT_GT(s.particle_centre_w_nm.x(), 500 + kTip + kParticle - 3);
   EXPECT_GE(s.substeps, 285);  // the last 535 nm in eighths of the tip's radius
+}
+
+// The tip snaps in far from the particle, on a spring that gives along one tilted direction only. Rounding of the stiff
+// one's force, some 1e-8 of the load, is more than a balance asks for: four in ten descents end where the jump has just been
+// gone over, with no step behind it. It is one jump all the same. On a spring a thousand times less stiff, where rounding is
+// nothing, small steps down the same way find one jump too, a balance from behind the jump none, and all end at one energy.
+TEST(Particle, AJumpIsCountedOnceWhereRoundingEndsTheDescent) {
+  constexpr double kStiff = 3e8, kLessStiff = 3e5, kSoft = 0.3;  // N/m
+  constexpr double kAbove = 1, kDown = 10, kSmall = 0.1;         // nm
+  ParticleParameters p = plain();
+  p.tip_sample = telenano::testing::material_of(3.0, false);
+  const ParticleEquilibrium scene = on_level(p);
+  for (int i = 0; i < 50; ++i) {
+    const double tilt = 0.1 + 0.01 * i;
+    const Vec3 along(std::sin(tilt), 0, std::cos(tilt));
+    const auto end = [&](double down) { return Vec3(Vec3(-60, 0, kTip) - down / along.z() * along); };
+    struct Step {
+      int jumps;
+      double energy_aj;  // with the spring's
+    };
+    const auto go = [&](double stiff_n_m, double down, ParticleState& state) {
+      const Mat3 spring =
+          stiff_n_m * (Mat3::Identity() - along * along.transpose()) + kSoft * along * along.transpose();
+      ParticleBalance balance(scene.model(), state, spring, end(down), 1e-3);
+      EXPECT_EQ(balance.solve(), SolveStatus::kOk) << tilt << " at " << down;
+      balance.store(state);
+      return Step{balance.jumps(),
+                  state.potential_aj + 0.5 * state.tip_force_w_nn.dot(state.tip_centre_w_nm - end(down))};
+    };
+    ParticleState leaping = scene.place(0, 0);
+    leaping.started = true;
+    leaping.tip_centre_w_nm = end(-kAbove);
+    ParticleState walking = leaping;
+
+    const Step leap = go(kStiff, kDown, leaping);
+    EXPECT_EQ(leap.jumps, 1) << tilt;
+    EXPECT_TRUE(is_on_curve(leaping.contacts[kTipSample].law.branch)) << tilt;
+    int jumps = 0;
+    Step walk{};
+    for (int n = 1; n <= std::lround((kAbove + kDown) / kSmall); ++n) {
+      walk = go(kLessStiff, -kAbove + n * kSmall, walking);
+      jumps += walk.jumps;
+    }
+    EXPECT_EQ(jumps, 1) << tilt;
+    const Step again = go(kLessStiff, kDown, leaping);
+    EXPECT_EQ(again.jumps, 0) << tilt;
+    // Of 2 to 8 aJ: the stiff spring's force is known to a few units of its last digit, 3e-7 nN, over 10 nm.
+    EXPECT_NEAR(leap.energy_aj, walk.energy_aj, 3e-5) << tilt;
+    EXPECT_NEAR(again.energy_aj, walk.energy_aj, 2e-7) << tilt;
+  }
 }
 
 TEST(Particle, BadInputIsRefusedAndChangesNothing) {
