@@ -218,24 +218,30 @@ void Dilation::fill_window(const Nodes& part, const Nodes& wanted, Window& windo
   window.height.resize(count);
   window.boosted.resize(count);
   window.most.resize(count / 16);
-  double highest = -INFINITY, lowest = INFINITY;
+  // Four columns at a time, each with its own extremes: as a block has them, and as compilers have lanes.
+  double most_of[kBlock], least_of[kBlock];
+  std::fill_n(most_of, kBlock, -INFINITY);
+  std::fill_n(least_of, kBlock, INFINITY);
   for (int j = 0; j < sy; ++j) {
     const Line& line = along[static_cast<std::size_t>(j)];
     const double* row[4];
     for (int k = 0; k < 4; ++k) {
       row[k] = &rows[static_cast<std::size_t>(line.first - low + k) * static_cast<std::size_t>(sx)];
     }
-    for (int i = 0; i < sx; ++i) {
-      const double z = (line.weight[0] * row[0][i] + line.weight[1] * row[1][i]) +
-                       (line.weight[2] * row[2][i] + line.weight[3] * row[3][i]);
-      const std::size_t block =
-          static_cast<std::size_t>(j / kBlock) * static_cast<std::size_t>(window.blocks_x) +
-          static_cast<std::size_t>(i / kBlock);
-      window.height[block * 16 + static_cast<std::size_t>(j % kBlock * kBlock + i % kBlock)] = z;
-      highest = std::max(highest, z);
-      lowest = std::min(lowest, z);
+    double* to = &window.height[static_cast<std::size_t>(j / kBlock) * static_cast<std::size_t>(sx) * kBlock +
+                                static_cast<std::size_t>(j % kBlock * kBlock)];
+    for (int i = 0; i < sx; i += kBlock, to += kBlock * kBlock) {
+      for (int k = 0; k < kBlock; ++k) {
+        const double z = (line.weight[0] * row[0][i + k] + line.weight[1] * row[1][i + k]) +
+                         (line.weight[2] * row[2][i + k] + line.weight[3] * row[3][i + k]);
+        to[k] = z;
+        most_of[k] = most_of[k] > z ? most_of[k] : z;
+        least_of[k] = least_of[k] < z ? least_of[k] : z;
+      }
     }
   }
+  const double highest = *std::max_element(most_of, most_of + kBlock);
+  const double lowest = *std::min_element(least_of, least_of + kBlock);
   window.reference = highest;
   window.relief = highest - lowest;
   const int left = first_block(wanted.i0) - window.first_block_x;
@@ -249,9 +255,10 @@ void Dilation::fill_window(const Nodes& part, const Nodes& wanted, Window& windo
       double most = -INFINITY;
       for (std::size_t k = 16 * block; k < 16 * block + 16; ++k) {
         window.height[k] -= highest;
-        window.boosted[k] = det_exp(window.height[k] / t_);
+        window.boosted[k] = window.height[k] / t_;
         most = std::max(most, window.height[k]);
       }
+      det_exp_each(&window.boosted[16 * block], 16, &window.boosted[16 * block]);
       window.most[block] = static_cast<float>(most);
     }
   }

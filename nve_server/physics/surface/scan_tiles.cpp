@@ -61,9 +61,9 @@ void ScanFields::Tiles::see(int number, int column, int row) noexcept {
   seen.store(true, std::memory_order_release);
   if (silent_.load(std::memory_order_relaxed)) return;
   // Whoever looks here may look further soon. A wish that nobody takes is forgotten.
-  const double finest = grids_[0].grid.inv_dx / of.grid.inv_dx * of.side / kSide;
-  const auto x = static_cast<std::uint64_t>((ti + 0.5) * finest);
-  const auto y = static_cast<std::uint64_t>((tj + 0.5) * finest);
+  const int finer = (grids_[0].grid.columns - 1) / (of.grid.columns - 1);
+  const auto x = static_cast<std::uint64_t>(column * finer);
+  const auto y = static_cast<std::uint64_t>(row * finer);
   const std::uint32_t slot = wished_.fetch_add(1, std::memory_order_relaxed) % kWishes;
   wishes_[slot].store(std::uint64_t{1} << 63 | x << 31 | y, std::memory_order_release);
 }
@@ -175,26 +175,68 @@ void ScanFields::Tiles::make_area(double left, double right, double low, double 
   }
 }
 
-// The newest first, from the middle outwards; what is left of an older one somebody will wish for again.
-bool ScanFields::Tiles::make_wished() noexcept {
+void ScanFields::Tiles::Ways::note(const Place& place) noexcept {
+  if (count_ == 0 || places_[0].distance(place) >= kSide / 2) {
+    std::copy_backward(places_.begin(), places_.end() - 1, places_.end());
+    count_ = std::min(count_ + 1, places_.size());
+  }
+  places_[0] = place;
+}
+
+std::array<double, 2> ScanFields::Tiles::Ways::step() const noexcept {
+  std::size_t from = 0;  // the longest time ago, so that a slanting way is not taken for its last step
+  for (std::size_t k = 1; k < count_ && places_[k].distance(places_[0]) <= kNear; ++k) from = k;
+  const double length = places_[0].distance(places_[from]);
+  if (!(length > 0)) return {};
+  return {kSide * (places_[0].column - places_[from].column) / length,
+          kSide * (places_[0].row - places_[from].row) / length};
+}
+
+// The newest first. Several tips wish by turns, each from several grids at once.
+bool ScanFields::Tiles::take_wish(Place& place) noexcept {
   const std::uint32_t now = wished_.load(std::memory_order_relaxed);
   for (std::uint32_t k = 1; k <= kWishes; ++k) {
     std::atomic<std::uint64_t>& slot = wishes_[(now - k) % kWishes];
     if (slot.load(std::memory_order_relaxed) == 0) continue;
     const std::uint64_t wish = slot.exchange(0, std::memory_order_acquire);
     if (wish == 0) continue;
-    const Grid& grid = grids_[0].grid;
     constexpr std::uint64_t kMask = (std::uint64_t{1} << 31) - 1;
-    const double width = kSide / grid.inv_dx, length = kSide / grid.inv_dy;
-    const double x = (static_cast<double>(wish >> 31 & kMask) + 0.5) * width;
-    const double y = (static_cast<double>(wish & kMask) + 0.5) * length;
-    for (double reach = 0.5; reach <= kAhead + 0.5; reach += 1.0) {
-      make_area(x - reach * width, x + reach * width, y - reach * length, y + reach * length);
-      if (wished_.load(std::memory_order_relaxed) != now) break;
-    }
+    place = {static_cast<int>(wish >> 31 & kMask), static_cast<int>(wish & kMask)};
     return true;
   }
   return false;
+}
+
+// First along the way, since a tip that goes on needs that soonest and a strip costs a third of what is around; then from the
+// middle outwards, for one that turns. A newer wish is more urgent: what is left of this one somebody will wish for again.
+bool ScanFields::Tiles::make_wished() noexcept {
+  const std::uint32_t now = wished_.load(std::memory_order_relaxed);
+  Place place;
+  if (!take_wish(place)) return false;
+  ways_.note(place);
+  const Grid& grid = grids_[0].grid;
+  /// What a tip there and close by needs, so many coefficients from here. False: somebody wishes for other things.
+  const auto make = [&](double columns, double rows) {
+    const double x = place.column + columns, y = place.row + rows;
+    make_area((x - kBeside) / grid.inv_dx, (x + kBeside) / grid.inv_dx, (y - kBeside) / grid.inv_dy,
+              (y + kBeside) / grid.inv_dy);
+    return wished_.load(std::memory_order_relaxed) == now;
+  };
+  const std::array<double, 2> step = ways_.step();
+  if (step[0] != 0.0 || step[1] != 0.0) {
+    for (int k = 1; k <= kAhead; ++k) {
+      if (!make(k * step[0], k * step[1])) return true;
+    }
+  }
+  for (int around = 0; around <= kAround; ++around) {
+    for (int rows = -around; rows <= around; ++rows) {
+      const int stride = std::abs(rows) == around ? 1 : 2 * around;  // of the rows between only both ends
+      for (int columns = -around; columns <= around; columns += std::max(1, stride)) {
+        if (!make(kSide * columns, kSide * rows)) return true;
+      }
+    }
+  }
+  return true;
 }
 
 void ScanFields::Grid::see(int column, int row) const noexcept {

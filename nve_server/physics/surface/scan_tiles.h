@@ -1,8 +1,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdint>
+#include <cstdlib>
 #include <memory>
 #include <vector>
 
@@ -43,6 +45,7 @@ class ScanFields::Tiles {
 
   void see(int grid, int column, int row) noexcept;
   void need(int grid, const Span& columns, const Span& rows) noexcept;
+  /// By one thread only. False: nobody wishes for anything.
   bool make_wished() noexcept;
   void wish_nothing(bool nothing) noexcept { silent_.store(nothing, std::memory_order_relaxed); }
   /// What stencils reach that begin there, of all grids; nm from the first node.
@@ -50,11 +53,32 @@ class ScanFields::Tiles {
   std::size_t bytes() const noexcept { return bytes_.load(std::memory_order_relaxed); }
 
  private:
-  static constexpr int kSide = 32;  // of a tile, finest coefficients; coarser grids cover as much
-  static constexpr int kLeastSide = 8;
+  static constexpr int kSide = 16;  // of a tile, finest coefficients; coarser grids cover as much
+  static constexpr int kLeastSide = 4;
   static constexpr std::uint32_t kWishes = 64;
-  static constexpr double kAhead = 2;  // tiles round the one that is looked at
+  static constexpr int kAhead = 6;   // tiles along the way of who looks
+  static constexpr int kAround = 2;  // tiles round the one that is looked at
+  static constexpr int kBeside = 4;  // coefficients beside the way: a tip is not led on rails
   enum : int { kNone, kMaking, kMade };
+  /// A coefficient of the finest grid.
+  struct Place {
+    int column = 0, row = 0;
+    int distance(const Place& other) const noexcept {
+      return std::max(std::abs(column - other.column), std::abs(row - other.row));
+    }
+  };
+  /// The last places that were wished around, the newest first, a tile apart: so where somebody at the newest one is going.
+  class Ways {
+   public:
+    void note(const Place& place) noexcept;
+    /// As long as a tile, along the greater of both axes; zero: nobody came from anywhere near.
+    std::array<double, 2> step() const noexcept;
+
+   private:
+    static constexpr int kNear = 4 * kSide;  // another tip is further away
+    std::array<Place, 8> places_;
+    std::size_t count_ = 0;
+  };
   struct OfGrid {
     Grid grid;  // layout and memory alone
     bool layer = false;
@@ -69,6 +93,7 @@ class ScanFields::Tiles {
       return static_cast<std::size_t>(tj) * static_cast<std::size_t>(across) + static_cast<std::size_t>(ti);
     }
   };
+  bool take_wish(Place& place) noexcept;
   void ensure(std::size_t number, int ti, int tj) noexcept;
   void make(std::size_t number, int ti, int tj);
   void make_raw(const OfGrid& of, std::size_t level, const Patch& to, int lane) const;
@@ -79,6 +104,7 @@ class ScanFields::Tiles {
   std::vector<OfGrid> grids_;
   std::atomic<std::uint64_t> wishes_[kWishes] = {};
   std::atomic<std::uint32_t> wished_{0};
+  Ways ways_;  // of the thread that makes what was wished
   std::atomic<bool> silent_{false};
   std::atomic<std::size_t> bytes_{0};
 };

@@ -154,7 +154,7 @@ TEST(ScanTiles, MakesWhatIsLookedAtAndWhatIsWished) {
   int late = 0;
   for (double x = 200; x < 300; x += 4) {
     for (const double z : {0.0, 2.0, 20.0, 150.0}) {
-      tiles.contact_at({x, 190 - 0.3 * x, z + tiles.touch_height_nm(x, 190 - 0.3 * x)}, jet);
+      tiles.contact_at({x, 260 - 0.3 * x, z + tiles.touch_height_nm(x, 260 - 0.3 * x)}, jet);
     }
     late += tiles.bytes() != before;
     while (tiles.make_wished()) {
@@ -169,6 +169,29 @@ TEST(ScanTiles, MakesWhatIsLookedAtAndWhatIsWished) {
     for (const double z : {10.0, 60.0, 300.0}) tiles.contact_at({x, 100, z}, jet);
   }
   EXPECT_EQ(tiles.bytes(), asked);
+}
+
+// Whoever goes on, on no rails, finds made what is further ahead than what is made around: though the maker comes by once in 60 nm.
+TEST(ScanTiles, WhoGoesOnFindsTheWayMade) {
+  struct Way {
+    double x, y;  // nm a step
+  };
+  for (const Way way : {Way{1, 0}, Way{-1, 0}, Way{0, 1}, Way{0.7, 0.7}, Way{0.9, -0.4}, Way{-0.3, 0.95}}) {
+    const HeightGrid grid = rough(400, 400, 5);
+    const ScanFields tiles = tiled(grid);
+    ContactJet jet;
+    double x = 400, y = 400;
+    int late = 0;
+    for (int k = 0; k < 250; ++k, x += way.x, y += way.y) {
+      const double across = 1.5 * std::sin(0.7 * k);  // the tip gives way to the ground
+      const double at_x = x - across * way.y, at_y = y + across * way.x;
+      const std::size_t before = tiles.bytes();
+      tiles.contact_at({at_x, at_y, tiles.touch_height_nm(at_x, at_y) - 1}, jet);
+      if (k > 60) late += tiles.bytes() != before;
+      if (k % 60 < 2) tiles.make_wished();
+    }
+    EXPECT_EQ(late, 0) << way.x << ", " << way.y;
+  }
 }
 
 // Three threads that look and one that is ahead, on the same tiles.
