@@ -34,7 +34,7 @@ namespace telenano::scene {
 /// canonical motion (slave/canonical_motion.h).
 /// 2: scans, steps and gratings are one potential where the scene does not say.
 /// 3: with a particle, too.
-inline constexpr std::uint32_t kPhysicsVersion = 9;
+inline constexpr std::uint32_t kPhysicsVersion = 10;
 
 /// What a reader takes. A scene within them may still ask for much memory and time when it is built.
 struct BundleLimits {

@@ -139,11 +139,11 @@ void list_model_errors(const Scene& scene, SceneSummary& summary) {
   constexpr double kCalibratedRadius_nm[2] = {10, 40};
   std::vector<std::string>& all = summary.model_errors;
   const double radius = scene.probe.tip_radius_nm;
-  all.push_back("pull-off 1 to 2 % in the median, 5 to 6 % at one place in ten, 30 % at the worst");
+  all.push_back("pull-off 1 to 2 % in the median, 5 % at one place in ten, 30 % at the worst");
   all.push_back("pressed 0.2 to 0.8 nm: 3 to 6 % of the rms force; deeper: not compared");
   all.push_back("van der Waals 1 to 16 nm above: at most 6 to 10 % in the median of the proximity sum");
   all.push_back(
-      "slopes of 30 to 45 degrees: pull-off 5 to 7 % in the median, 11 to 16 % at one place in ten; pressed "
+      "slopes of 30 to 45 degrees: pull-off 4 to 5 % in the median, 12 to 20 % at one place in ten; pressed "
       "12 to 32 %");
   all.push_back(
       "soft sample (lambda 2.2): pull-off 2 % in the median, 4 % at one place in ten; pressed 10 %");

@@ -16,8 +16,8 @@
 namespace telenano::support {
 namespace {
 
-constexpr std::uint64_t kGoldenHash = 0x49b5d2e60b8468d7u;
-constexpr std::uint64_t kGoldenHashUncredited = 10695123660571247528u;
+constexpr std::uint64_t kGoldenHash = 0x6a2cfa1d92849a38u;
+constexpr std::uint64_t kGoldenHashUncredited = 847722835359310875u;
 
 std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");

@@ -101,7 +101,7 @@ class ScanFields final : public ContactFields {
   /// grid and layer, valid for the version that made them. None where these coefficients cannot be such:
   /// their number, a value that is no number, a height, radius or cosine that no ground of this relief has.
   /// Whether they are of this ground only who kept them can know.
-  static constexpr std::uint32_t kVersion = 5;
+  static constexpr std::uint32_t kVersion = 6;
   std::vector<std::span<const double>> coefficients() const;  ///< by tiles: makes them all
   static std::optional<ScanFields> restored(const HeightGrid& grid, double tip_radius_nm,
                                             const SofteningRule& rule,

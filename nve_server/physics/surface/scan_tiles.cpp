@@ -96,8 +96,8 @@ void ScanFields::Tiles::make_raw(const OfGrid& of, std::size_t level, const Patc
     Span nodes{count, -1};
     for (int i = first; i <= last; ++i) {
       const int node = folded(i - 1, count);
-      nodes.first = std::min(nodes.first, std::max(0, node - 1));
-      nodes.last = std::max(nodes.last, std::min(count - 1, node + 1));
+      nodes.first = std::min(nodes.first, std::max(0, node - 2));
+      nodes.last = std::max(nodes.last, std::min(count - 1, node + 2));
     }
     return nodes;
   };

@@ -169,7 +169,7 @@ void print(const char* scan, const std::vector<PlaceError>& errors) {
 // our own boundary elements. Aims: pull-off's median 2 and 4 %, ninth decile 5 and 10 %; pressed 5 and 8 %, of
 // which the first is missed: bound rounded up.
 TEST(FieldsAgainstElasticity, PullOffAndPressedForce) {
-  const double median[] = {0.02, 0.03}, p90[] = {0.05, 0.06}, pressed[] = {0.05, 0.04};
+  const double median[] = {0.015, 0.02}, p90[] = {0.045, 0.055}, pressed[] = {0.05, 0.04};
   for (int k = 0; k < 2; ++k) {
     const std::vector<PlaceError> errors = errors_on(kScans[k], {"adhesive_elastic_", "places_"});
     print(kScans[k], errors);
@@ -183,7 +183,7 @@ TEST(FieldsAgainstElasticity, PullOffAndPressedForce) {
 // The same places on the fields of the whole scan, as a scene has them: nodes 1.2 and 2.0 nm apart, where a piece of 64 samples
 // has 0.4. What creases between feet are narrower than is rounded off. Aims: 2 and 4 %, 5 and 10 %.
 TEST(FieldsAgainstElasticity, PullOffOnTheGridOfAWholeScan) {
-  const double median[] = {0.02, 0.03}, p90[] = {0.06, 0.06};
+  const double median[] = {0.016, 0.022}, p90[] = {0.056, 0.056};
   const BranchPotential law(physics::TipSampleLaw(silicon_oxide()), 20);
   const ForceOf on_flat = flat_force(law, 20);
   const auto pull_off = std::make_shared<physics::RetractionKernel>(retraction_kernel(law, 20));
@@ -211,7 +211,7 @@ TEST(FieldsAgainstElasticity, PullOffOnTheGridOfAWholeScan) {
 // touch on, one place in ten was wrong by 53 and 104 %. Vertical displacements are formal here: the bounds
 // are what is found, rounded up.
 TEST(FieldsAgainstElasticity, SteepGround) {
-  const double times[] = {3, 6}, median[] = {0.06, 0.08}, p90[] = {0.15, 0.2};
+  const double times[] = {3, 6}, median[] = {0.06, 0.08}, p90[] = {0.15, 0.21};
   for (int k = 0; k < 2; ++k) {
     const std::vector<PlaceError> errors = errors_on(kScans[k], {"steep_"}, times[k]);
     print(kScans[k], errors);
