@@ -29,12 +29,23 @@ ReservedMemory::~ReservedMemory() {
   ::munmap(first_, bytes_);
 }
 
-bool ReservedMemory::open(std::size_t first, std::size_t count) const noexcept {
+ReservedMemory::Pages ReservedMemory::pages(std::size_t first, std::size_t count) const noexcept {
   const std::size_t from = first * sizeof(double) / page_bytes() * page_bytes();
   const std::size_t to =
       std::min(bytes_, (first + count) * sizeof(double) + page_bytes() - 1) / page_bytes() * page_bytes();
-  return from >= to ||
-         ::mprotect(reinterpret_cast<char*>(first_) + from, to - from, PROT_READ | PROT_WRITE) == 0;
+  return {reinterpret_cast<char*>(first_) + from, to > from ? to - from : 0};
+}
+
+bool ReservedMemory::open(std::size_t first, std::size_t count) const noexcept {
+  const Pages to_open = pages(first, count);
+  return to_open.bytes == 0 || ::mprotect(to_open.at, to_open.bytes, PROT_READ | PROT_WRITE) == 0;
+}
+
+// The system fills locked memory as soon as it may be written.
+bool ReservedMemory::open_unlocked(std::size_t first, std::size_t count) const noexcept {
+  const Pages to_open = pages(first, count);
+  return to_open.bytes == 0 || (::munlock(to_open.at, to_open.bytes) == 0 &&
+                                ::mprotect(to_open.at, to_open.bytes, PROT_READ | PROT_WRITE) == 0);
 }
 
 }  // namespace telenano::surface

@@ -20,8 +20,17 @@ class ReservedMemory {
   /// From `first` on, and what shares pages with them: 0 at first. Any thread; again is harmless. False where
   /// the system has no memory.
   bool open(std::size_t first, std::size_t count) const noexcept;
+  /// The same for more than what will be written: though the process locks its memory, each page takes some
+  /// only when it is first written, and is not locked.
+  bool open_unlocked(std::size_t first, std::size_t count) const noexcept;
 
  private:
+  struct Pages {
+    void* at;
+    std::size_t bytes;
+  };
+  Pages pages(std::size_t first, std::size_t count) const noexcept;
+
   double* first_ = nullptr;
   std::size_t count_;
   std::size_t bytes_;

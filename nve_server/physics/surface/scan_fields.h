@@ -89,8 +89,8 @@ class ScanFields final : public ContactFields {
   /// Would all at once take a minute and gigabytes?
   static bool is_large(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule) noexcept;
   bool tiled() const noexcept { return tiles_ != nullptr; }
-  /// Makes what somebody who looked nearby will look at next, of one place; false: nothing is wished for. Any
-  /// thread.
+  /// Makes what somebody who looked nearby will look at next, of one place; false: nothing is wished for. By
+  /// one thread only, which learns where they go.
   bool make_wished() const;
   /// While it is so nobody wishes: for who looks here and there and does not come back.
   void wish_nothing(bool nothing) const noexcept;

@@ -149,10 +149,10 @@ void ScanFields::Tiles::make(std::size_t number, int ti, int tj) {
     make_raw(of, 1, tile, 3);
     hold_growth(tile, of.finest_nm);
   }
-  // Whole rows of tiles are opened, so that the system has few areas to keep.
+  // Whole rows of tiles are opened, so that the system has few areas to keep; locked they would all be filled.
   const auto stride = static_cast<std::size_t>(grid.stride());
-  if (!of.memory->open(static_cast<std::size_t>(low) * stride,
-                       static_cast<std::size_t>(high - low + 1) * stride))
+  if (!of.memory->open_unlocked(static_cast<std::size_t>(low) * stride,
+                                static_cast<std::size_t>(high - low + 1) * stride))
     std::abort();
   for (int j = low; j <= high; ++j) {
     std::memcpy(whole(grid).at(left, j), tile.at(left, j),
