@@ -185,7 +185,9 @@ void ScanFields::Tiles::Ways::note(const Place& place) noexcept {
 
 std::array<double, 2> ScanFields::Tiles::Ways::step() const noexcept {
   std::size_t from = 0;  // the longest time ago, so that a slanting way is not taken for its last step
-  for (std::size_t k = 1; k < count_ && places_[k].distance(places_[0]) <= kNear; ++k) from = k;
+  for (std::size_t k = 1; k < count_; ++k) {
+    if (places_[k].distance(places_[0]) <= kNear) from = k;
+  }
   const double length = places_[0].distance(places_[from]);
   if (!(length > 0)) return {};
   return {kSide * (places_[0].column - places_[from].column) / length,

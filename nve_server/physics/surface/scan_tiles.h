@@ -58,7 +58,7 @@ class ScanFields::Tiles {
   static constexpr std::uint32_t kWishes = 64;
   static constexpr int kAhead = 6;   // tiles along the way of who looks
   static constexpr int kAround = 2;  // tiles round the one that is looked at
-  static constexpr int kBeside = 4;  // coefficients beside the way: a tip is not led on rails
+  static constexpr int kBeside = 4;  // coefficients beside the way: a tip moves sideways too
   enum : int { kNone, kMaking, kMade };
   /// A coefficient of the finest grid.
   struct Place {
@@ -67,7 +67,8 @@ class ScanFields::Tiles {
       return std::max(std::abs(column - other.column), std::abs(row - other.row));
     }
   };
-  /// The last places that were wished around, the newest first, a tile apart: so where somebody at the newest one is going.
+  /// The last places that were wished around, the newest first: so where the tip at the newest one is going. Others' places are among
+  /// them, which are further away.
   class Ways {
    public:
     void note(const Place& place) noexcept;
@@ -76,7 +77,7 @@ class ScanFields::Tiles {
 
    private:
     static constexpr int kNear = 4 * kSide;  // another tip is further away
-    std::array<Place, 8> places_;
+    std::array<Place, 16> places_;
     std::size_t count_ = 0;
   };
   struct OfGrid {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -115,6 +116,30 @@ TEST(ScanFields, ALayerIsTheDilationAtItsSoftening) {
   EXPECT_GT(fields.bytes(), without.bytes());
   EXPECT_EQ(fields.hash(), without.hash());  // of the levels
   EXPECT_THROW(ScanFields(grid, kRadius, rule, {0.0}), UserError);
+}
+
+// Of a wave so low that all is linear, of height A, ln S has A e^(−s)/t with s = k²Rt/2, and H = d ln S/d(1/t) has A (1 + s) e^(−s).
+// Nodes lie as far apart as on a whole scan, seven a wave: coefficients by 1 − δ²/6 alone would lose 1.3 %.
+TEST(ScanFields, WavesOfSevenNodesKeepTheirHeight) {
+  constexpr double kWave_nm = 8, kHeight_nm = 0.002;
+  const double k = 2 * std::numbers::pi / kWave_nm;
+  const HeightGrid grid =
+      support::sampled(401, 1.0, [&](double x, double) { return kHeight_nm * std::cos(k * x); });
+  const SofteningRule rule = softening_rule(kRadius, 0.4, 52.5, 0.165);
+  const ScanFields fields(grid, kRadius, rule);
+  double height_nm = 0;
+  constexpr int kPlaces = 3200;  // twenty waves
+  for (int n = 0; n < kPlaces; ++n) {
+    const double x = 80 + 0.05 * n;
+    ContactJet jet;
+    fields.at_softening({x, 200.3, 0}, rule.finest_nm, jet);
+    height_nm += 2.0 / kPlaces * jet.overlap_nm * std::cos(k * x);
+  }
+  const double smoothed = 0.5 * k * k * kRadius * rule.finest_nm;
+  const double expected_nm = kHeight_nm * (1 + smoothed) * std::exp(-smoothed);
+  std::printf("%.3f %% too high\n", 100 * (height_nm / expected_nm - 1));
+  EXPECT_NEAR(height_nm / expected_nm, 1.0,
+              0.004);  // found: −0.32 %; the next term 0.15, the rest the heights' own spline
 }
 
 // Beyond the rim the mirror image: the same numbers, slopes across the rim turned about, and no step in the

@@ -171,26 +171,32 @@ TEST(ScanTiles, MakesWhatIsLookedAtAndWhatIsWished) {
   EXPECT_EQ(tiles.bytes(), asked);
 }
 
-// Whoever goes on, on no rails, finds made what is further ahead than what is made around: though the maker comes by once in 60 nm.
+// A tip that goes on, moving sideways too, finds made what is further ahead than what is made around, though the maker comes by once in
+// 60 nm. A second tip that goes its own way elsewhere does not hide where the first one goes.
 TEST(ScanTiles, WhoGoesOnFindsTheWayMade) {
   struct Way {
     double x, y;  // nm a step
   };
-  for (const Way way : {Way{1, 0}, Way{-1, 0}, Way{0, 1}, Way{0.7, 0.7}, Way{0.9, -0.4}, Way{-0.3, 0.95}}) {
-    const HeightGrid grid = rough(400, 400, 5);
-    const ScanFields tiles = tiled(grid);
-    ContactJet jet;
-    double x = 400, y = 400;
-    int late = 0;
-    for (int k = 0; k < 250; ++k, x += way.x, y += way.y) {
-      const double across = 1.5 * std::sin(0.7 * k);  // the tip gives way to the ground
-      const double at_x = x - across * way.y, at_y = y + across * way.x;
-      const std::size_t before = tiles.bytes();
-      tiles.contact_at({at_x, at_y, tiles.touch_height_nm(at_x, at_y) - 1}, jet);
-      if (k > 60) late += tiles.bytes() != before;
-      if (k % 60 < 2) tiles.make_wished();
+  for (const Way way : {Way{-1, 0}, Way{0.7, 0.7}, Way{-0.3, 0.95}}) {
+    for (const int tips : {1, 2}) {
+      const HeightGrid grid = rough(400, 400, 5);
+      const ScanFields tiles = tiled(grid);
+      int late = 0;
+      const auto look = [&](double x, double y, bool counts) {
+        ContactJet jet;
+        const std::size_t before = tiles.bytes();
+        tiles.contact_at({x, y, tiles.touch_height_nm(x, y) - 1}, jet);
+        late += counts && tiles.bytes() != before;
+      };
+      for (int k = 0; k < 250; ++k) {
+        const double across = 1.5 * std::sin(0.7 * k);
+        look(400 + k * way.x - across * way.y, 400 + k * way.y + across * way.x, k > 60);
+        if (tips > 1) look(100, 700 - k, k > 60);
+        if (k % 60 < 2)
+          for (int n = 0; n < 8 * tips; ++n) tiles.make_wished();
+      }
+      EXPECT_EQ(late, 0) << way.x << ", " << way.y << ", " << tips << " tips";
     }
-    EXPECT_EQ(late, 0) << way.x << ", " << way.y;
   }
 }
 
