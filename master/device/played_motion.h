@@ -1,8 +1,14 @@
 #pragma once
 
+#include <cstdint>
+
 #include "telenano/master/device/task_change.h"
 
 namespace telenano::device {
+
+/// A program that was kept from running for longer has led no hand meanwhile. Half of what makes a station
+/// hold (limits.stale_zero_s, 0.1 s): from then on the tip would not have followed.
+inline constexpr std::int64_t kLongestTickNs = 50'000'000;
 
 /// Which of its motions a hand plays.
 struct TaskState {

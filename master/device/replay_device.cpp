@@ -27,7 +27,7 @@ ReplayDevice::ReplayDevice(HandTrack track, const std::string& source)
 }
 
 void ReplayDevice::advance(std::int64_t dt_ns) noexcept {
-  if (!started_ || held_ || dt_ns <= 0) return;
+  if (!started_ || held_ || dt_ns <= 0 || dt_ns > kLongestTickNs) return;
   motion_ns_ += dt_ns;
   const double now_s = motion_time_s();
   while (at_ + 1 < track_.points.size() && track_.points[at_ + 1].time_s <= now_s) ++at_;

@@ -24,8 +24,8 @@ struct HandTrack {
 
 /// A recorded hand, played again: on a line between the recorded points, held where they end. It yields to no
 /// force, like a hand of stone; the force is taken for applied up to that of an omega.3, so that the energy
-/// account is that of such a hand. It waits while the tip is held (TipSeen), as the person would have. A stop
-/// that was pressed then is not pressed again: it ended that session.
+/// account is that of such a hand. It waits while the tip is held (TipSeen), as the person would have, and in a
+/// tick that is more than 50 ms late. A stop that was pressed then is not pressed again: it ended that session.
 class ReplayDevice final : public HapticDevice, public PlayedMotion {
  public:
   explicit ReplayDevice(HandTrack track, const std::string& source = "replay");

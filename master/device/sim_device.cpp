@@ -11,9 +11,6 @@ namespace telenano::device {
 namespace {
 
 constexpr double kApproachS = 2;  // from the hand's start to a script's first waypoint
-// A program that was kept from running for longer has led no hand meanwhile. Half of what makes a station
-// hold (limits.stale_zero_s, 0.1 s): from then on the tip would not have followed.
-constexpr std::int64_t kLongestTickNs = 50'000'000;
 
 IntendedMotion checked(const SimDeviceConfig& config, const IntendedMotion& motion) {
   config.plant.validate();

@@ -55,6 +55,15 @@ TEST(ReplayDevice, WaitsWhileTheTipIsHeld) {
   EXPECT_LT((look(device, 1'500'000).hand_pos_h_m - Vec3(0.002, 0, 0.02)).norm(), 1e-17);
 }
 
+// A station that was blind for so long lets go of the tip: what the hand did meanwhile would move nothing.
+TEST(ReplayDevice, WaitsInATickThatIsFarTooLate) {
+  ReplayDevice device(track());
+  device.start_motion();
+  look(device, 500'000);
+  EXPECT_LT((look(device, 100'000'000).hand_pos_h_m - Vec3(0, 0, 0.015)).norm(), 1e-17);
+  EXPECT_LT((look(device, 1'500'000).hand_pos_h_m - Vec3(0.002, 0, 0.02)).norm(), 1e-17);
+}
+
 TEST(ReplayDevice, TakesForceUpToThatOfAnOmega) {
   ReplayDevice device(track());
   EXPECT_EQ(device.write_force(Vec3(1, 2, 3)), Vec3(1, 2, 3));
