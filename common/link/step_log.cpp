@@ -9,6 +9,7 @@ constexpr std::uint8_t kSameTarget = 1u << 3;
 constexpr std::uint8_t kSameLength = 1u << 4;
 constexpr int kRunShift = 5;
 constexpr std::size_t kRecordMost = 1 + 3 * 7 + 5;
+constexpr std::int64_t kHeadAgainNs = 10'000'000;  // most bursts of loss are over then
 
 std::uint64_t zigzag(std::int64_t x) noexcept {
   return (static_cast<std::uint64_t>(x) << 1) ^ static_cast<std::uint64_t>(x >> 63);
@@ -139,12 +140,22 @@ void StepSender::on_report(const StepReport& report, std::int64_t now_ns, std::i
   if (again_ != 0 && again_ <= executed_) again_ = 0;
   // Later ones have come, and this one has not.
   const bool missing = report.newest > report.executed && report.newest <= newest_;
-  if (missing && again_ == 0 && now_ns - again_ns_ > rtt_ns) send_again(now_ns);
+  if (missing && again_ == 0 && now_ns - again_ns_ > rtt_ns) {
+    send_again(now_ns, false);
+    repeated_ = kRepeatedMost;
+    last_gap_ns_ = now_ns;
+  } else if (missing && again_ == 0 && now_ns - head_ns_ > std::max(rtt_ns / 4, kHeadAgainNs)) {
+    send_again(now_ns, true);
+  } else if (now_ns - last_gap_ns_ > kQuietNs) {
+    repeated_ = kRepeated;
+  }
 }
 
-void StepSender::send_again(std::int64_t now_ns) noexcept {
+void StepSender::send_again(std::int64_t now_ns, bool head_only) noexcept {
   again_ = executed_ + 1;
-  again_ns_ = waits_ns_ = now_ns;
+  head_only_ = head_only;
+  head_ns_ = waits_ns_ = now_ns;
+  if (!head_only) again_ns_ = now_ns;
 }
 
 bool StepSender::urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept {
@@ -154,13 +165,19 @@ bool StepSender::urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept {
   return sent_ > executed_ && waits_ns_ != 0 && now_ns - waits_ns_ > wait_ns;
 }
 
+std::uint64_t StepSender::fill(StepWriter& writer, std::uint64_t from) const noexcept {
+  std::uint64_t to = from;
+  while (to <= newest_ && at(to).hold == at(from).hold && writer.add(at(to))) ++to;
+  return to;
+}
+
 std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns, std::int64_t wait_ns,
                               bool newest_holding) noexcept {
   if (!enabled() || newest_ == executed_ || out.size() <= kStepsHeaderBytes + kRecordMost) return 0;
   if (waits_ns_ == 0 || sent_ <= executed_) waits_ns_ = now_ns;
   // Without an answer for so long, all that is open goes again, in as many datagrams as it takes.
-  if (again_ == 0 && sent_ > executed_ && now_ns - waits_ns_ > wait_ns) send_again(now_ns);
-  const std::uint64_t at_least = sent_ + 1 > kRepeated ? sent_ + 1 - kRepeated : 1;
+  if (again_ == 0 && sent_ > executed_ && now_ns - waits_ns_ > wait_ns) send_again(now_ns, false);
+  const std::uint64_t at_least = sent_ + 1 > repeated_ ? sent_ + 1 - repeated_ : 1;
   const std::uint64_t repeat = std::min(at_least, std::max<std::uint64_t>(last_new_, 1));
   std::uint64_t from = std::max(oldest(), again_ != 0 ? again_ : repeat);
   // New steps must not starve where much is new.
@@ -170,11 +187,18 @@ std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns, 
   if (newest_holding || again_ == 0)
     while (from < begins_with && at(from).hold != at(begins_with).hold) ++from;
   written_hold_ = at(from).hold;
-  StepWriter writer(out.first(std::min(out.size(), kStepsBytesMost)), from);
-  std::uint64_t to = from;
-  while (to <= newest_ && at(to).hold == written_hold_ && writer.add(at(to))) ++to;
+  const std::span<std::uint8_t> room = out.first(std::min(out.size(), kStepsBytesMost));
+  StepWriter writer(room, from);
+  std::uint64_t to = fill(writer, from);
+  // What is repeated must not keep out what is new.
+  const bool no_room = to <= newest_ && at(to).hold == written_hold_;
+  const bool has_new = sent_ < newest_ && at(sent_ + 1).hold == written_hold_;
+  if (again_ == 0 && no_room && from <= sent_ && has_new) {
+    writer = StepWriter(room, sent_ + 1);
+    to = fill(writer, sent_ + 1);
+  }
   if (again_ != 0) {
-    again_ = to > sent_ ? 0 : to;
+    again_ = to > sent_ || head_only_ ? 0 : to;
     waits_ns_ = now_ns;
   }
   if (to > sent_ + 1) last_new_ = sent_ + 1;

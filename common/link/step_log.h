@@ -112,7 +112,8 @@ class StepSender {
   /// The oldest one is forgotten where the ring is full: that gap the server will skip.
   void add(const LoggedStep& step) noexcept;
   /// What a reply says: executed up to, and the newest that has come.
-  /// A gap that it names is sent again at once, but only once a round trip.
+  /// A gap that it names is sent again at once, with all after it, but only once a round trip; its beginning, which all else
+  /// waits for, four times.
   void on_report(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept;
   /// Is there a reason to send besides the pace: something to be sent again, or more new steps than the next
   /// datagram could take?
@@ -125,12 +126,18 @@ class StepSender {
   /// LoggedStep::hold of what write() has written last.
   std::uint32_t written_hold() const noexcept { return written_hold_; }
 
-  /// Every datagram repeats unasked what was new in the one before, and at least so many.
+  /// Every datagram repeats unasked what was new in the one before, and at least so many. From the first gap that a report
+  /// names until none has been named for kQuietNs it is half of what a datagram takes, so that a link that loses or jitters
+  /// costs no round trip for most of what comes late or never.
   static constexpr std::uint64_t kRepeated = 8;
+  static constexpr std::uint64_t kRepeatedMost = kMaxBatch / 2;
+  static constexpr std::int64_t kQuietNs = 10'000'000'000;
 
  private:
   const LoggedStep& at(std::uint64_t number) const noexcept { return ring_[number % ring_.size()]; }
-  void send_again(std::int64_t now_ns) noexcept;
+  void send_again(std::int64_t now_ns, bool head_only) noexcept;
+  /// From `from` on, as many as there is room for; the first that has none.
+  std::uint64_t fill(StepWriter& writer, std::uint64_t from) const noexcept;
   std::uint64_t oldest() const noexcept;  // that is kept and not executed
 
   std::vector<LoggedStep> ring_;
@@ -140,7 +147,11 @@ class StepSender {
   std::uint64_t last_new_ = 0;  // the first that was new in the last datagram
   std::uint64_t again_ = 0;     // sending again from here; 0: not
   std::int64_t again_ns_ = 0;   // since then
+  bool head_only_ = false;      // no more than one datagram of it
+  std::int64_t head_ns_ = 0;    // the gap's beginning was sent again then
   std::int64_t waits_ns_ = 0;   // since then without progress
+  std::uint64_t repeated_ = kRepeated;
+  std::int64_t last_gap_ns_ = 0;
   std::uint32_t written_hold_ = 0;
 };
 

@@ -203,6 +203,7 @@ class Server {
   link::StepReport step_report(std::size_t slot) noexcept;
   void run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept;
   void move_by_log(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
+  void take_overtaken_steps(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
   void end(std::size_t slot, link::ByeReason reason, std::int64_t now_ns) noexcept;
   void leave_tip(std::size_t slot, std::int64_t now_ns) noexcept;
   void forget(std::size_t slot, std::int64_t now_ns) noexcept;

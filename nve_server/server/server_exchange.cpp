@@ -30,6 +30,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
     return drop(DropCause::kUnexpected);
   const DropCause cause =
       table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0, standing_.identity);
+  if (cause == DropCause::kStale && logs) take_overtaken_steps(slot, command, now_ns);
   if (cause != DropCause::kNone) return on_unusable_command(command, cause, slot, now_ns, out);
 
   link::Session& session = table_[slot];

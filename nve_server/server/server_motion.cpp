@@ -176,6 +176,16 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   tip.at_rest = false;
 }
 
+/// Of a command that a later one has overtaken only the steps count: a log does not depend on when they come. Where a path
+/// jitters, what is sent again for a gap comes in any order, and most of it would be in vain.
+void Server::take_overtaken_steps(std::size_t slot, const link::Command& command,
+                                  std::int64_t now_ns) noexcept {
+  SessionRecord& record = records_[slot];
+  if (!record.steps.enabled() || incoming_.steps.count == 0) return;
+  record.steps.take(incoming_.steps, now_ns, command.tip_hold);
+  run_log(slot, config_.steps_at_once, now_ns);
+}
+
 /// May this command have the shared tip? Who gets it finds it where it stands.
 void Server::share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept {
   const std::size_t before = holder_.holder();

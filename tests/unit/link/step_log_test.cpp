@@ -206,6 +206,84 @@ TEST(StepLog, EndlessGapsTakeNoMoreThanTheRing) {
   }
 }
 
+/// A station that has sent 300 steps, of which 11 to 20 did not come, and what it sends until `until_ns`: the first step of each
+/// datagram that begins below 200. Each 5 ms a report says the same.
+std::vector<std::uint64_t> sent_again(StepSender& sender, std::int64_t until_ns, std::int64_t rtt_ns) {
+  sender.begin(0, false);
+  std::array<std::uint8_t, kStepsBytesMost> bytes;
+  for (int i = 0; i < 300; ++i) sender.add({{i, 2 * i, 3 * i}, 1'000'000, 3, 0});
+  while (sender.urgent(1, 1'000'000'000)) sender.write(bytes, 1, 1'000'000'000);
+  std::vector<std::uint64_t> firsts;
+  for (std::int64_t now_ns = rtt_ns + 1'000'000; now_ns < until_ns; now_ns += 1'000'000) {
+    if (now_ns % 5'000'000 == 0) sender.on_report({10, 0, 300, 0, 0, 0}, now_ns, rtt_ns);
+    if (!sender.urgent(now_ns, 1'000'000'000)) continue;
+    StepBatch batch;
+    const std::size_t n = sender.write(bytes, now_ns, 1'000'000'000);
+    if (n > 0 && read_steps(std::span(bytes).first(n), batch)) firsts.push_back(batch.first);
+  }
+  return firsts;
+}
+
+TEST(StepLog, TheBeginningOfAGapIsSentFourTimesARoundTripAndAllOfItOnce) {
+  StepSender sender(4000);
+  const std::vector<std::uint64_t> firsts = sent_again(sender, 395'000'000, 200'000'000);
+  EXPECT_EQ(std::count(firsts.begin(), firsts.end(), 11u), 4);
+  std::size_t whole = 0;  // datagrams of the pass that goes on behind the gap's beginning
+  for (const std::uint64_t first : firsts) whole += first > 11 && first < 300;
+  EXPECT_GE(whole, 4u);
+  EXPECT_LE(whole, 10u) << "290 steps, once";
+}
+
+TEST(StepLog, WhatIsRepeatedGrowsWithAGapAndIsForgottenInQuiet) {
+  StepSender sender(4000);
+  sender.begin(0, false);
+  std::array<std::uint8_t, kStepsBytesMost> bytes;
+  std::uint64_t number = 0;
+  std::int64_t now_ns = 0;
+  // Steps a datagram repeats, when each brings one new one and the one before was new as well.
+  const auto repeated = [&] {
+    StepBatch batch;
+    for (int k = 0; k < 80; ++k) {
+      now_ns += 1'000'000;
+      sender.add({{0, 0, 0}, 1'000'000, 3, 0});
+      ++number;
+      const std::size_t n = sender.write(bytes, now_ns, 1'000'000'000'000);
+      EXPECT_TRUE(read_steps(std::span(bytes).first(n), batch));
+    }
+    EXPECT_EQ(batch.first + batch.count - 1, number) << "the newest is in it";
+    return batch.count - 1;
+  };
+  const auto gap = [&] {
+    now_ns += 200'000'000;
+    sender.on_report({number - 60, 0, number, 0, 0, 0}, now_ns, 100'000'000);
+    for (int k = 0; k < 3; ++k) sender.write(bytes, now_ns, 1'000'000'000'000);
+    sender.on_report({number, 0, number, 0, 0, 0}, now_ns, 100'000'000);
+  };
+  EXPECT_EQ(repeated(), StepSender::kRepeated);
+  for (int k = 0; k < 2; ++k) {
+    gap();
+    EXPECT_EQ(repeated(), StepSender::kRepeatedMost);
+  }
+  now_ns += StepSender::kQuietNs;
+  sender.on_report({number, 0, number, 0, 0, 0}, now_ns, 100'000'000);
+  EXPECT_EQ(repeated(), StepSender::kRepeated);
+}
+
+// Of steps that need 26 bytes each a datagram holds eleven: repeating as many must not keep new ones out.
+TEST(StepLog, WhatIsRepeatedDoesNotKeepOutWhatIsNew) {
+  StepSender sender(4000);
+  sender.begin(0, false);
+  std::array<std::uint8_t, kStepsBytesMost> bytes;
+  for (int i = 0; i < 400; ++i) {
+    const std::int64_t far = (i % 2 == 0 ? 1 : -1) * (kStepTargetMost - i);
+    sender.add({{far, -far, far}, i % 2 == 0 ? kStepShortestNs : kStepLongestNs, 3, 0});
+    const std::size_t n = sender.write(bytes, 1'000'000 * (i + 1), 1'000'000'000'000);
+    StepBatch batch;
+    ASSERT_TRUE(read_steps(std::span(bytes).first(n), batch));
+    ASSERT_EQ(batch.first + batch.count - 1, static_cast<std::uint64_t>(i + 1)) << "the newest is in it";
+  }
+}
+
 // A stop's datagram holds steps of the newest holding, whatever of earlier ones is still to be sent again.
 TEST(StepLog, AStopDoesNotWaitForStepsOfAnEarlierHolding) {
   StepSender sender(4000);
