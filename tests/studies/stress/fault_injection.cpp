@@ -68,6 +68,7 @@ void FaultInjection::step(const recording::Sample& row, const StressHand& hand, 
     outage_ = t_s >= outage_at_s_ && t_s < outage_at_s_ + 1e-3 * spec_.outage_ms;
     if (t_s >= outage_at_s_ + 1e-3 * spec_.outage_ms)
       outage_at_s_ += 1e-3 * spec_.outage_ms + kBetweenS + 1e-2 * spec_.rtt_ms;
+    silent_s_ = outage_ ? t_s - outage_at_s_ : 0;
   }
   if (dies_now(slave, t_s)) {
     session_.kill_server();

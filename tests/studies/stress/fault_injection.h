@@ -21,6 +21,8 @@ class FaultInjection {
   void step(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave, double t_s,
             InvariantWatch& invariants) noexcept;
   bool down() const noexcept { return outage_ || dead_; }
+  /// So long nothing has come through an outage that is under way.
+  double silent_s() const noexcept { return silent_s_; }
   /// Apart from outages and restarts nothing is lost and the station is in time.
   bool clean_besides() const noexcept {
     return spec_.loss == 0 && spec_.drops == Drops::kNone && spec_.late == 0;
@@ -37,6 +39,7 @@ class FaultInjection {
   double back_at_s_ = 0;
   int leaps_ = 0;
   bool outage_ = false, dead_ = false;
+  double silent_s_ = 0;
   std::int64_t touched_ = 0;
   double contact_s_ = -1;
   double last_pos_m_ = 0;

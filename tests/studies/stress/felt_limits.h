@@ -11,19 +11,27 @@ namespace telenano::studies::stress {
 
 /// How near what is felt must be to the same sample felt without link and delay. Asked of calm runs only: a
 /// task of an ordinary hand, at a scale within what is planned, over a link that delays and does nothing
-/// else. There a force that is wrong is wrong for no reason. `none`, `tank`, `model`, `twin`; the others are
-/// baselines that clamp or damp a calm touch, too.
+/// else; with `twin` over one that jitters and loses, too. There a force that is wrong is wrong for no reason. `ks`, `ks-clamp`, `tdpa` and `wave` are baselines
+/// that clamp or damp a calm touch, too: of them only the share of the force that is felt is asked.
 struct FeltLimits {
-  double nrmse = 0;                                           ///< at the lag that fits best
-  double lag_ms = 0;                                          ///< of felt behind true,
-  double lag_by = 0;                                          ///< give or take, ms
-  double pull = std::numeric_limits<double>::infinity();      ///< relative error of the pull-off
-  double lateral = -std::numeric_limits<double>::infinity();  ///< least correlation of the lateral force
+  static constexpr double kAny = std::numeric_limits<double>::infinity();
+  double nrmse = kAny;       ///< at the lag that fits best
+  double lag_ms = 0;         ///< of felt behind true,
+  double lag_by = kAny;      ///< give or take, ms
+  double pull = kAny;        ///< relative error of the pull-off
+  double lateral = -kAny;    ///< least correlation of the lateral force
+  double share_low = -kAny;  ///< normal force that is felt over the true one, on level ground
+  double share_high = kAny;  ///< likewise
 };
 /// Nothing: of this run no such thing is asked.
 std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept;
 
-/// Invariant bits: felt, lateral, in-time, pull.
-std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, const FeltLimits& limits) noexcept;
+/// Invariant bits: felt, lateral, in-time, pull. `share`: of the normal force; NaN where it means nothing.
+std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, double share,
+                              const FeltLimits& limits) noexcept;
+
+/// How far the tip may stand from where the hand has led it, when both are at rest at a run's end, mm of the hand; whatever
+/// the link has lost meanwhile. Nothing where the operator has acted, or where a position is not sent as it is.
+std::optional<double> drift_limit_mm(const RunSpec& spec) noexcept;
 
 }  // namespace telenano::studies::stress

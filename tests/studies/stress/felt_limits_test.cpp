@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "tests/studies/stress/invariants.h"
@@ -24,8 +25,17 @@ TEST(FeltLimits, AreAskedOfCalmRunsOfMethodsThatShowTheSample) {
   using control::Method;
   for (const Method method : {Method::kNone, Method::kTank, Method::kModel, Method::kTwin})
     EXPECT_TRUE(felt_limits(calm(method))) << control::method_name(method);
-  for (const Method method : {Method::kKs, Method::kKsClamp, Method::kTdpa, Method::kWave})
+  for (const Method method : {Method::kKs, Method::kKsClamp}) {
+    ASSERT_TRUE(felt_limits(calm(method))) << control::method_name(method);
+    EXPECT_GE(felt_limits(calm(method))->share_low, 0.7) << "and nothing else";
+    EXPECT_EQ(felt_limits(calm(method))->nrmse, FeltLimits::kAny);
+  }
+  for (const Method method : {Method::kTdpa, Method::kWave}) {
     EXPECT_FALSE(felt_limits(calm(method))) << control::method_name(method);
+    RunSpec near = calm(method);
+    near.rtt_ms = 0;
+    EXPECT_TRUE(felt_limits(near)) << control::method_name(method);
+  }
   std::vector<RunSpec> rough(9, calm());
   rough[0].loss = 0.01;
   rough[1].jitter = 0.1;
@@ -48,8 +58,40 @@ TEST(FeltLimits, ATwinIsHeldToThemOverAnyDelay) {
   EXPECT_FALSE(felt_limits(spec)) << "a plane over a long way is no such promise";
 }
 
+TEST(FeltLimits, ATwinIsHeldToThemWhateverBecomesOfDatagrams) {
+  RunSpec spec = calm(control::Method::kTwin);
+  spec.rtt_ms = 200;
+  spec.jitter = 0.1;
+  spec.loss = 0.3;
+  spec.burst_ms = 3;
+  EXPECT_TRUE(felt_limits(spec));
+  spec.burst_ms = 20;
+  EXPECT_FALSE(felt_limits(spec)) << "in ten seconds some burst is so long that the force fades, as it must";
+  spec.burst_ms = 3;
+  spec.jitter = 0.5;
+  EXPECT_FALSE(felt_limits(spec));
+}
+
+TEST(FeltLimits, TheTipIsWhereTheHandHasLedIt) {
+  RunSpec spec = calm();
+  spec.loss = 0.5;
+  spec.restart = Restart::kContact;
+  ASSERT_TRUE(drift_limit_mm(spec)) << "positions are sent, so nothing that is lost stays away";
+  EXPECT_LE(*drift_limit_mm(spec), 0.05);
+  RunSpec free = spec;
+  free.act = Act::kScale;
+  EXPECT_FALSE(drift_limit_mm(free));
+  free = spec;
+  free.deadband_nm = 0.1;
+  EXPECT_FALSE(drift_limit_mm(free));
+  spec.method = control::Method::kTwin;
+  EXPECT_FALSE(drift_limit_mm(spec)) << "a log that was cut";
+}
+
 TEST(FeltLimits, EachRuleIsBrokenByWhatItIsAbout) {
-  const FeltLimits limits = *felt_limits(calm());
+  FeltLimits limits = *felt_limits(calm());
+  limits.share_low = 0.7;
+  limits.share_high = 1.02;
   fidelity::FeltMetrics right;
   right.true_rms_n = 1;
   right.true_lateral_rms_n = 0.1;
@@ -57,28 +99,32 @@ TEST(FeltLimits, EachRuleIsBrokenByWhatItIsAbout) {
   right.lag_ms = 2;
   right.pull_off_error = 0.01;
   right.lateral_correlation = 0.999;
-  EXPECT_EQ(felt_violations(right, limits), 0u);
+  EXPECT_EQ(felt_violations(right, 1, limits), 0u);
   auto wrong = right;
   wrong.nrmse_at_lag = 0.5;
-  EXPECT_EQ(felt_violations(wrong, limits), kInvariantFelt);
+  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantFelt);
   wrong = right;
   wrong.lag_ms = 100;
-  EXPECT_EQ(felt_violations(wrong, limits), kInvariantInTime);
+  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantInTime);
   wrong = right;
   wrong.pull_off_error = -1;
-  EXPECT_EQ(felt_violations(wrong, limits), kInvariantPull);
+  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantPull);
   wrong = right;
   wrong.lateral_correlation = -1;
-  EXPECT_EQ(felt_violations(wrong, limits), kInvariantLateral);
+  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantLateral);
   // No lateral force felt where there is one: no correlation is no excuse.
   wrong.lateral_correlation = fidelity::FeltMetrics::kNone;
-  EXPECT_EQ(felt_violations(wrong, limits), kInvariantLateral);
+  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantLateral);
   // No force at all: nothing correlates, and no lag fits.
   wrong = {};
   wrong.true_rms_n = wrong.nrmse = 1;
-  EXPECT_NE(felt_violations(wrong, limits) & kInvariantFelt, 0u);
+  EXPECT_NE(felt_violations(wrong, 1, limits) & kInvariantFelt, 0u);
+  // Half of the force, and a quarter too much of it.
+  EXPECT_EQ(felt_violations(right, 0.5, limits), kInvariantFelt);
+  EXPECT_EQ(felt_violations(right, 1.25, limits), kInvariantFelt);
+  EXPECT_EQ(felt_violations(right, std::nan(""), limits), 0u) << "ground that is not level";
   // Nothing to be felt.
-  EXPECT_EQ(felt_violations({}, limits), 0u);
+  EXPECT_EQ(felt_violations({}, 1, limits), 0u);
 }
 
 }  // namespace

@@ -38,6 +38,12 @@ std::vector<RunSpec> ground() {
       RunSpec outage = s;
       outage.outage_ms = 500;
       add(outage, HandKind::kPress, 0, 0);
+      RunSpec stops = s;
+      stops.act = Act::kStop;
+      add(stops, HandKind::kPress, 0, 0);
+      RunSpec lossy = s;
+      lossy.loss = 0.1;
+      add(lossy, HandKind::kPress, 0, 0);
       RunSpec bursts = s;
       bursts.loss = 0.3;
       add(bursts, HandKind::kGreedy, 0.1, 0.01);
@@ -81,6 +87,10 @@ std::vector<RunSpec> calm_ground() {
     spec.hand = hand;
     runs.push_back(spec);
   }
+  // Some methods show most of a force over the shortest link only.
+  RunSpec near = runs.front();
+  near.rtt_ms = 0;
+  runs.push_back(near);
   return runs;
 }
 

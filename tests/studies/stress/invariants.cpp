@@ -6,9 +6,10 @@
 namespace telenano::studies::stress {
 namespace {
 
-constexpr const char* kNames[kInvariants] = {
-    "energy", "balance", "sums",   "force", "slew",    "stale",   "leap", "tip",     "finite", "account",
-    "damper", "recover", "repeat", "felt",  "lateral", "in-time", "pull", "refusal", "record", "replies"};
+constexpr const char* kNames[kInvariants] = {"energy", "balance", "sums",    "force",    "slew",   "stale",
+                                             "leap",   "tip",     "finite",  "account",  "damper", "recover",
+                                             "repeat", "felt",    "lateral", "in-time",  "pull",   "refusal",
+                                             "record", "replies", "work",    "withdraw", "follow"};
 
 /// Rounding: 1e6 terms of some millijoules in long double here and in double there: below 1e-12 J; the
 /// product's own compensated sum against ours: a thousand times that.
@@ -105,6 +106,15 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
     violate(kInvariantSums, time_s);
   in_j_ = row.energy_in_j;
   out_j_ = row.energy_out_j;
+
+  if (!slave.sums_are_work) violate(kInvariantWork, time_s);
+  if ((row.limit_flags & recording::kLimitStop) == 0)
+    stopped_since_s_ = -1;
+  else if (stopped_since_s_ < 0)
+    stopped_since_s_ = time_s;
+  const bool told = limits_.stop_s > 0 && stopped_since_s_ >= 0 && time_s - stopped_since_s_ > limits_.stop_s;
+  const bool deserted = limits_.silence_s > 0 && around.silent_s > limits_.silence_s;
+  if ((told || deserted) && !slave.rises) violate(kInvariantWithdraw, time_s);
 
   // Forces. Rounding of some newtons: far below 1e-9 of them.
   if (norm_n > limits_.force_limit_n * (1 + 1e-12)) violate(kInvariantForce, time_s);

@@ -51,8 +51,14 @@ enum Invariant : std::uint32_t {
   /// Of a run in which replies are left out: the last one that left the server still says what the slave does
   /// (reply_watch.h).
   kInvariantReplies = 1u << 19,
+  /// Each slave's sums of energy are the work at its port (port_watch.h).
+  kInvariantWork = 1u << 20,
+  /// A slave rises when it has been told to stop, or has heard nothing for as long as its session may be silent.
+  kInvariantWithdraw = 1u << 21,
+  /// Hand and tip at rest, the tip is where the hand has led it.
+  kInvariantFollow = 1u << 22,
 };
-constexpr int kInvariants = 20;
+constexpr int kInvariants = 23;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 
@@ -84,7 +90,9 @@ class InvariantWatch {
     double hand_j_per_aj = 0;                                      ///< α_F/α_v in these units
     double recover_s = 0;                                          ///< 0: not checked
     double well_most_j = std::numeric_limits<double>::infinity();  ///< finite: that, at any time
-    double waits_s = 0;  ///< longest that a reply waits to be shown; 0: it is shown when it comes
+    double stop_s = 0;     ///< a stop is with the slave after so long; 0: not checked
+    double silence_s = 0;  ///< after so long an outage it must have withdrawn; 0: not checked
+    double waits_s = 0;    ///< longest that a reply waits to be shown; 0: it is shown when it comes
   };
   explicit InvariantWatch(const Limits& limits) : limits_(limits) {}
 
@@ -94,8 +102,9 @@ class InvariantWatch {
     double q_before_j = 0;      ///< its Q then
     /// When the link accepted its newest reply (numbers begin anew with sessions).
     std::int64_t reply_ns = 0;
-    double time_s = 0;  ///< of the tick
-    int periods = 1;    ///< until the next one
+    double time_s = 0;    ///< of the tick
+    int periods = 1;      ///< until the next one
+    double silent_s = 0;  ///< of an outage that is under way
   };
   /// After a tick of the station, and the hand's motion until the next one.
   void look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
@@ -132,6 +141,7 @@ class InvariantWatch {
   double last_came_s_ = -1e9;
   int latest_periods_ = 1;
   double last_tick_s_ = -1;
+  double stopped_since_s_ = -1;  ///< −1: not stopped
   bool waiting_ = false;
   double well_since_s_ = 0;
   double recovery_s_ = -1;

@@ -51,6 +51,7 @@ struct Bench {
     time_s += 1e-3 * periods;
     if (!watch) watch = std::make_unique<InvariantWatch>(limits);
     around.time_s = time_s;
+    around.silent_s = silent_s;
     watch->look(row, *hand, slave, around);
   }
   std::uint32_t violated() const { return watch->violated(); }
@@ -62,6 +63,7 @@ struct Bench {
   recording::Sample row;
   SlaveWatch slave;
   double time_s = 0;
+  double silent_s = 0;
   std::int64_t reply_ns = 0;
   int shows = -1;  ///< a reply in each tick, or none; −1: what comes
   bool lies = false;
@@ -191,12 +193,37 @@ TEST(Invariants, EachOfTheOthersIsFlagged) {
             }),
             0u)
       << "not checked without a limit";
+  EXPECT_EQ(flagged([](Bench& b) {
+              b.slave.sums_are_work = false;
+              b.tick(1);
+            }),
+            kInvariantWork);
   Bench slow;
   slow.limits.recover_s = 3;
   slow.tick(0);
   slow.watch->well_again(slow.time_s);
   for (int k = 0; k < 3010; ++k) slow.tick(0, 0, 1, false);
   EXPECT_EQ(slow.violated(), kInvariantRecover);
+}
+
+// A slave that has been told to stop, or that nobody talks to, rises.
+TEST(Invariants, ASlaveThatDoesNotWithdrawIsFlagged) {
+  const auto flagged = [](auto&& prepare, bool rises, int ticks) {
+    Bench bench;
+    bench.limits.stop_s = 0.03;
+    bench.limits.silence_s = 2;
+    bench.tick(0);
+    prepare(bench);
+    bench.slave.rises = rises;
+    for (int k = 0; k < ticks; ++k) bench.tick(0);
+    return bench.violated();
+  };
+  const auto stop = [](Bench& b) { b.row.limit_flags = recording::kLimitStop; };
+  EXPECT_EQ(flagged(stop, false, 30), 0u) << "it has not heard it";
+  EXPECT_EQ(flagged(stop, false, 33), kInvariantWithdraw);
+  EXPECT_EQ(flagged(stop, true, 33), 0u);
+  EXPECT_EQ(flagged([](Bench& b) { b.silent_s = 1.9; }, false, 1), 0u);
+  EXPECT_EQ(flagged([](Bench& b) { b.silent_s = 2.1; }, false, 1), kInvariantWithdraw);
 }
 
 // Replies that wait to be shown: what counts is what was shown, and that does not outlive what came by more

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "telenano/common/control/methods.h"
+#include "tests/studies/stress/wrong_twin.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -188,6 +189,12 @@ class WrongChange final : public Around {
   bool begun_ = false;
 };
 
+class HalfForce final : public Around {
+ public:
+  using Around::Around;
+  Vec3 force_h_n(const RenderPoint& at) noexcept override { return 0.5 * right().force_h_n(at); }
+};
+
 /// A device that does not do what it is told; it reports what it really applies, as every device must.
 class MutantDevice final : public support::VirtualHand {
  public:
@@ -224,6 +231,12 @@ MutantInfo mutant_info(Mutant mutant) noexcept {
     return {mutant, Method::kKsClamp};
   if (mutant == Mutant::kForgivingChange || mutant == Mutant::kGenerousChange)
     return {mutant, Method::kKsClamp};
+  if (mutant == Mutant::kKsHalf) return {mutant, Method::kKs};
+  if (mutant == Mutant::kClampHalf) return {mutant, Method::kKsClamp};
+  if (mutant == Mutant::kTdpaHalf) return {mutant, Method::kTdpa};
+  if (mutant == Mutant::kWaveHalf) return {mutant, Method::kWave};
+  if (mutant == Mutant::kRecordEnergy || mutant == Mutant::kRecordForce) return {mutant, Method::kModel};
+  if (WrongTwin::concerns(mutant)) return {mutant, Method::kTwin};
   // What the gate leaves out is seen best by what shows each reply as it is.
   if (mutant >= Mutant::kGateCreeping) return {mutant, Method::kNone};
   // What is recorded does not depend on the method, but only some make a difference between wanted and acted.
@@ -257,6 +270,11 @@ std::unique_ptr<StationMethod> make_mutant_method(const RunSpec& spec) {
       return std::make_unique<WrongChange>(spec.method, 0.0, true);
     case Mutant::kGenerousChange:
       return std::make_unique<WrongChange>(spec.method, 0.010, false);
+    case Mutant::kKsHalf:
+    case Mutant::kClampHalf:
+    case Mutant::kTdpaHalf:
+    case Mutant::kWaveHalf:
+      return std::make_unique<HalfForce>(spec.method);
     default:
       return nullptr;
   }

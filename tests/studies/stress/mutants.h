@@ -10,7 +10,7 @@ namespace telenano::studies::stress {
 
 /// Controllers that are wrong in ways in which they have been got wrong before; a suite that does not find
 /// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices, as
-/// slaves (wrong_slave.h), as what is between server and station (wrong_wire.h: codec, session, reply gate), as
+/// slaves (wrong_slave.h), as twins (wrong_twin.h), as what is between server and station (wrong_wire.h: codec, session, reply gate), as
 /// recorders (record_watch.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
 ///
 /// | name | what is wrong |
@@ -67,6 +67,17 @@ namespace telenano::studies::stress {
 /// | gate-silent | reply gate: no longest time between two replies |
 /// | gate-forgetful | reply gate: the energy of what was left out is not in the next reply |
 /// | gate-blind | reply gate: leaves out another contact state |
+/// | slave-holds-on | slave: does not withdraw, whatever the server says |
+/// | slave-drifts | slave: adds up the velocities it is told, so that what is lost is lost |
+/// | slave-gives-uncounted | slave: says a tenth less than the energy that it gives |
+/// | slave-takes-uncounted | slave: says a tenth more than the energy that it takes |
+/// | twin-half | twin: half of the force |
+/// | twin-late | twin: 20 ms late |
+/// | twin-no-friction | twin: nothing along the ground |
+/// | twin-one-way | twin: on the way out 1.3 times as strong, so that it gives energy |
+/// | record-energy | recorder: the hand's energy without the sign of what came out |
+/// | record-force | recorder: the sample's force a thousandth too large, x the wrong way round |
+/// | ks-half, clamp-half, tdpa-half, wave-half | `ks`, `ks-clamp`, `tdpa`, `wave`: half of the force |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;
   control::Method method = control::Method::kModel;  ///< that it is made from

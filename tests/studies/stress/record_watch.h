@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/recording/sample.h"
@@ -11,10 +13,32 @@
 namespace telenano::studies::stress {
 
 /// Is a row what was? Held against where the hand truly stood when the tick began, the force that truly acts
-/// from then on, and against the ticks that there were.
+/// from then on, the hand's true account, what the slave has said, and against the ticks that there were.
 class RecordWatch {
  public:
   RecordWatch(double period_s, double quantum_m) : period_s_(period_s), quantum_m_(quantum_m) {}
+
+  /// The energy that the row says the hand has put in, less `given_j`, which the port had truly given when the tick began: the
+  /// same but for what the encoder hides, and rounding.
+  static bool has_energy(const recording::Sample& row, double given_j, double hidden_j) noexcept {
+    constexpr double kRoundingJ = 1e-9;
+    return std::fabs(row.energy_j + given_j) <= hidden_j + kRoundingJ &&
+           std::fabs(row.energy_in_j - row.energy_out_j - row.energy_j) <= kRoundingJ;
+  }
+
+  /// The sample's force that the row says is one that the slave has said, no earlier than the one of the row before.
+  bool has_force(const recording::Sample& row, const std::vector<Vec3>& said_w_nn) noexcept {
+    const auto is_it = [&](const Vec3& said) {
+      return row.force_w_nn[0] == said.x() && row.force_w_nn[1] == said.y() && row.force_w_nn[2] == said.z();
+    };
+    if (!heard_ && is_it(Vec3::Zero())) return true;  // no reply yet
+    for (std::size_t at = heard_at_; at < said_w_nn.size(); ++at) {
+      if (!is_it(said_w_nn[at])) continue;
+      heard_at_ = at;
+      return heard_ = true;
+    }
+    return false;
+  }
 
   /// `periods`: from this tick to the next one.
   bool is_true(const recording::Sample& row, const Vec3& hand_pos_h_m, const Vec3& applied_h_n,
@@ -35,6 +59,8 @@ class RecordWatch {
 
  private:
   double period_s_, quantum_m_;
+  bool heard_ = false;
+  std::size_t heard_at_ = 0;
   std::int64_t last_tick_ = -1;
   double due_s_ = 0;
 };
@@ -63,6 +89,13 @@ class WrongRecorder {
         break;
       case Mutant::kRecordSingle:
         for (double& x : written_.hand_pos_h_m) x = static_cast<double>(static_cast<float>(x));
+        break;
+      case Mutant::kRecordEnergy:  // what came out of the hand's port goes in again
+        written_.energy_j = row.energy_in_j + row.energy_out_j;
+        break;
+      case Mutant::kRecordForce:  // of the sample, in the hand's frame of another day
+        written_.force_w_nn[0] = -row.force_w_nn[0];
+        written_.force_w_nn[2] *= 1.001;
         break;
       case Mutant::kRecordSwapped:
         std::swap(written_.hand_pos_h_m[0], written_.hand_pos_h_m[2]);

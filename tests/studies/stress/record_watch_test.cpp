@@ -31,5 +31,35 @@ TEST(Invariants, ARowThatIsNotWhatWasIsFlagged) {
   EXPECT_TRUE(flagged([](recording::Sample& row) { row.time_s -= 1e-3; }));
 }
 
+TEST(Invariants, ARowsEnergyIsThatOfTheTrueAccount) {
+  recording::Sample row;
+  row.energy_in_j = 0.3;
+  row.energy_out_j = 0.1;
+  row.energy_j = 0.2;
+  EXPECT_TRUE(RecordWatch::has_energy(row, -0.2, 0));
+  EXPECT_TRUE(RecordWatch::has_energy(row, -0.201, 1.1e-3)) << "what an encoder hides";
+  EXPECT_FALSE(RecordWatch::has_energy(row, -0.201, 0.9e-3));
+  row.energy_j = 0.4;
+  EXPECT_FALSE(RecordWatch::has_energy(row, -0.4, 0)) << "in less out is another";
+}
+
+TEST(Invariants, ARowsForceIsOneThatTheSlaveHasSaidAndNoneFromBefore) {
+  const std::vector<Vec3> said = {{0, 0, 1}, {0, 0, 2}, {0, 0, 2}, {0, 0, 3}};
+  RecordWatch watch(1e-3, 0);
+  recording::Sample row;
+  EXPECT_TRUE(watch.has_force(row, said)) << "no reply yet";
+  row.force_w_nn[2] = 2;
+  EXPECT_TRUE(watch.has_force(row, said));
+  EXPECT_TRUE(watch.has_force(row, said)) << "the same reply";
+  row.force_w_nn[2] = 1;
+  EXPECT_FALSE(watch.has_force(row, said)) << "from before";
+  row.force_w_nn[2] = 3;
+  EXPECT_TRUE(watch.has_force(row, said));
+  row.force_w_nn[2] = 3.003;
+  EXPECT_FALSE(watch.has_force(row, said));
+  row.force_w_nn[2] = 0;
+  EXPECT_FALSE(watch.has_force(row, said)) << "not after a first one";
+}
+
 }  // namespace
 }  // namespace telenano::studies::stress

@@ -76,7 +76,21 @@ constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "gate-creeping",
                                                                      "gate-silent",
                                                                      "gate-forgetful",
-                                                                     "gate-blind"};
+                                                                     "gate-blind",
+                                                                     "slave-holds-on",
+                                                                     "slave-drifts",
+                                                                     "slave-gives-uncounted",
+                                                                     "slave-takes-uncounted",
+                                                                     "twin-half",
+                                                                     "twin-late",
+                                                                     "twin-no-friction",
+                                                                     "twin-one-way",
+                                                                     "ks-half",
+                                                                     "clamp-half",
+                                                                     "tdpa-half",
+                                                                     "wave-half",
+                                                                     "record-energy",
+                                                                     "record-force"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},

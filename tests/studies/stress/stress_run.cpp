@@ -19,6 +19,7 @@
 #include "tests/studies/stress/reply_watch.h"
 #include "tests/studies/stress/search.h"
 #include "tests/studies/stress/watched_slave.h"
+#include "tests/studies/stress/wrong_twin.h"
 #include "tests/studies/stress/wrong_wire.h"
 #include "tests/support/virtual_session.h"
 
@@ -28,6 +29,8 @@ namespace {
 constexpr double kMargin = 0.99;  // of the planned scale within its bound
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kForceMaxN = 12;
+constexpr double kStopS = 0.02;      // of station and server, until a stop that has come does something
+constexpr double kSilenceS = 2;      // link::SessionTableConfig::timeout_ns
 constexpr double kWallHeightNm = 5;  // of the tip over the wall at the start
 
 std::int64_t nanoseconds(double seconds) {
@@ -119,9 +122,18 @@ class Hash {
   std::uint64_t hash_ = 0xcbf29ce484222325ull;
 };
 
+bool shared_tip(const RunSpec& spec) noexcept {
+  return spec.act == Act::kTakeOver;
+}
+
+/// Moved by this station's commands alone, from the run's beginning to its end.
+bool one_server(const RunSpec& spec) noexcept {
+  return spec.restart == Restart::kNever && !shared_tip(spec);
+}
+
 /// With a log of steps every command is answered; of a shared tip others' steps are not this session's.
 bool leaves_replies_out(const RunSpec& spec) noexcept {
-  return spec.method != control::Method::kTwin && spec.act != Act::kTakeOver;
+  return spec.method != control::Method::kTwin && !shared_tip(spec);
 }
 
 /// As the station asks for it.
@@ -151,10 +163,15 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
     };
   session.station.method = spec.method;
   // Of a shared tip there is no twin.
-  const bool shared = spec.act == Act::kTakeOver;
-  if (shared) session.share = server::Share::kOneTip;
-  session.twin = spec.method == control::Method::kTwin && session.scene != nullptr && !shared;
-  if (session.twin) session.make_twin = [&scenes, kind = spec.scene] { return scenes.make_twin(kind); };
+  if (shared_tip(spec)) session.share = server::Share::kOneTip;
+  session.twin = spec.method == control::Method::kTwin && session.scene != nullptr && !shared_tip(spec);
+  if (session.twin)
+    session.make_twin = [&scenes, kind = spec.scene,
+                         mutant = spec.mutant]() -> std::unique_ptr<control::LocalSlave> {
+      auto twin = scenes.make_twin(kind);
+      if (!WrongTwin::concerns(mutant)) return twin;
+      return std::make_unique<WrongTwin>(std::move(twin), mutant);
+    };
   session.station.rate_hz = spec.rate_hz;
   session.station.scaling = {spec.velocity_scale, force_scale};
   session.station.allow_unsafe_scaling = spec.scale > 1;
@@ -176,6 +193,57 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   const double on_the_way = spec.rate_hz * (1e-3 * spec.rtt_ms * (1 + 4 * spec.jitter) + 0.03);
   session.link_capacity = std::max<std::size_t>(64, static_cast<std::size_t>(2 * on_the_way));
   return session;
+}
+
+/// What the invariants know of this run: what its method promises there, and what of a link is to be expected of them.
+InvariantWatch::Limits invariant_limits(const RunSpec& spec, const support::VirtualSessionConfig& config,
+                                        support::VirtualSession& session, const slave::SlaveLimits& limits,
+                                        const FaultInjection& faults, double force_scale) {
+  const station::StationConfig& station = session.station().config();
+  InvariantWatch::Limits what;
+  // Without a scene there is no twin, and the station falls back.
+  what.method = spec.method == control::Method::kTwin && !config.twin ? control::Method::kModel : spec.method;
+  what.allowance_j = station.allowance_j;
+  what.velocity_max_m_s = station.guaranteed_velocity_m_s;
+  what.period_s = session.period_s();
+  what.force_limit_n = station.force_safety * kForceMaxN;
+  what.slew_n_s = station.slew_n_s;
+  what.stale_zero_s = station.stale_zero_s;
+  if (config.twin) {
+    // A twin needs no reply to be right, for as long as the slave itself would go on following. Its well is
+    // the scene's, once in the station's life.
+    const double hold_s =
+        std::min(station::TwinRunConfig{}.silence_s, 0.5e-3 * config.scene->session_timeout_ms);
+    what.stale_zero_s += std::max(0.0, hold_s - station.stale_hold_s);
+    control::CompandingConfig companding = station.companding;
+    companding.gain = OperatorActs::most_gain(spec);
+    const double well_j = station.scaling.hand_energy_j(limits.well_aj + companding.most_aj()) *
+                          OperatorActs::most_energy_scale(spec.act);
+    what.well_most_j = std::min(well_j, station.well_max_j);
+  }
+  what.ramp_s = station.engage_ramp_s;
+  what.tip_limit_nn = limits.force_max_nn;
+  const double impedance = force_scale * spec.velocity_scale * OperatorActs::least_impedance(spec.act);
+  what.damper_cap_n_s_m =
+      std::max(0.0, spec.damping_n_s_m - 0.5 * impedance * limits.coupling_stiffness_n_m * what.period_s -
+                        impedance * std::fabs(limits.coupling_damping_n_s_m));
+  // What the slave's joules are worth changes with the scale; the two sides then have no common account.
+  what.balance = spec.method == control::Method::kTank && spec.act == Act::kNone;
+  what.hand_j_per_aj = station.scaling.hand_energy_j(1) * OperatorActs::most_energy_scale(spec.act);
+  if (spec.act == Act::kMethod) what.method = control::Method::kTank;  // the most that one of them promises
+  what.waits_s = 1e-3 * playout_longest_ms(spec);
+  const double way_s = 0.5e-3 * spec.rtt_ms;
+  const bool delivers = one_server(spec) && faults.clean_besides() && spec.jitter == 0 &&
+                        spec.outage_ms == 0 && spec.leap_ms == 0;
+  // Of two stops on the way, one may be held up for as long as what is out of order.
+  if (delivers) what.stop_s = way_s + kStopS + (spec.reorder > 0 ? std::max(0.5 * way_s, 0.002) : 0);
+  if (one_server(spec))
+    what.silence_s = (config.scene ? 1e-3 * config.scene->session_timeout_ms : kSilenceS) + 3 * way_s + 0.1;
+  // Beyond the age that a method's force may have the station holds: so it should. Jitter adds to it.
+  const bool shows = 1e-3 * spec.rtt_ms * (1 + 2 * spec.jitter) < station.age_most_s(what.method);
+  if (faults.clean_besides() && shows && spec.act == Act::kNone)
+    what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
+  return what;
 }
 
 }  // namespace
@@ -219,46 +287,11 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   support::VirtualSession session(config);
   FaultInjection faults(spec, session);
   OperatorActs acts(spec, session, *hand);
-  const station::StationConfig& station = session.station().config();
 
-  InvariantWatch::Limits what;
-  // Without a scene there is no twin, and the station falls back.
-  what.method = spec.method == control::Method::kTwin && !config.twin ? control::Method::kModel : spec.method;
-  what.allowance_j = station.allowance_j;
-  what.velocity_max_m_s = station.guaranteed_velocity_m_s;
-  what.period_s = session.period_s();
-  what.force_limit_n = station.force_safety * kForceMaxN;
-  what.slew_n_s = station.slew_n_s;
-  what.stale_zero_s = station.stale_zero_s;
-  if (config.twin) {
-    // A twin needs no reply to be right, for as long as the slave itself would go on following. Its well is
-    // the scene's, once in the station's life.
-    const double hold_s =
-        std::min(station::TwinRunConfig{}.silence_s, 0.5e-3 * config.scene->session_timeout_ms);
-    what.stale_zero_s += std::max(0.0, hold_s - station.stale_hold_s);
-    control::CompandingConfig companding = station.companding;
-    companding.gain = OperatorActs::most_gain(spec);
-    const double well_j = station.scaling.hand_energy_j(limits.well_aj + companding.most_aj()) *
-                          OperatorActs::most_energy_scale(spec.act);
-    what.well_most_j = std::min(well_j, station.well_max_j);
-  }
-  what.ramp_s = station.engage_ramp_s;
-  what.tip_limit_nn = limits.force_max_nn;
-  const double impedance = force_scale * spec.velocity_scale * OperatorActs::least_impedance(spec.act);
-  what.damper_cap_n_s_m =
-      std::max(0.0, spec.damping_n_s_m - 0.5 * impedance * limits.coupling_stiffness_n_m * what.period_s -
-                        impedance * std::fabs(limits.coupling_damping_n_s_m));
-  // What the slave's joules are worth changes with the scale; the two sides then have no common account.
-  what.balance = spec.method == control::Method::kTank && spec.act == Act::kNone;
-  what.hand_j_per_aj = station.scaling.hand_energy_j(1) * OperatorActs::most_energy_scale(spec.act);
-  if (spec.act == Act::kMethod) what.method = control::Method::kTank;  // the most that one of them promises
-  what.waits_s = 1e-3 * playout_longest_ms(spec);
-  // Beyond the age that a method's force may have the station holds: so it should. Jitter adds to it.
-  const bool shows = 1e-3 * spec.rtt_ms * (1 + 2 * spec.jitter) < station.age_most_s(what.method);
-  if (faults.clean_besides() && shows && spec.act == Act::kNone)
-    what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
+  const InvariantWatch::Limits what = invariant_limits(spec, config, session, limits, faults, force_scale);
   InvariantWatch invariants(what);
   RecordWatch record(session.period_s(), spec.quantum_m);
+  watch->keeps_said = one_server(spec);
   WrongRecorder recorder(spec.mutant);
 
   const PressTimes press = press_times(spec.seconds);
@@ -280,12 +313,17 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.periods = periods;
     const Vec3 began_h_m = hand->pos_h_m();
     const recording::Sample& row = session.step(periods);
-    if (const recording::Sample* const kept = recorder(row);
-        kept != nullptr && !record.is_true(*kept, began_h_m, hand->applied_h_n(), periods))
-      invariants.violate(kInvariantRecord, row.time_s);
+    if (const recording::Sample* const kept = recorder(row); kept != nullptr) {
+      const bool counted =
+          hand->too_fast() || RecordWatch::has_energy(*kept, around.given_before_j, around.q_before_j);
+      const bool said = !watch->keeps_said || record.has_force(*kept, watch->said_w_nn);
+      if (!record.is_true(*kept, began_h_m, hand->applied_h_n(), periods) || !counted || !said)
+        invariants.violate(kInvariantRecord, row.time_s);
+    }
     acts.step_rival(periods);
     around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
     around.time_s = row.time_s;
+    around.silent_s = faults.silent_s();
     invariants.look(row, *hand, *watch, around);
     if (replies->watches() &&
         !replies->is_true(*watch, session.server().counters().exchanges, 1e-9 * row.force_scale))
@@ -341,8 +379,18 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   const TrueAccount& account = hand->account();
   if (const auto asked = felt_limits(spec)) {
     outcome.felt = local.felt(0.2 + 1.5e-3 * spec.rtt_ms);
-    if (const std::uint32_t wrong = felt_violations(outcome.felt, *asked)) invariants.violate(wrong, now_s);
+    if (const std::uint32_t wrong = felt_violations(outcome.felt, local.ratio(), *asked))
+      invariants.violate(wrong, now_s);
   }
+  // Hand and tip have been at rest for longer than the link takes: what is left between them is drift.
+  const bool at_rest = is_task(spec.hand) && outcome.stopped_s < 0 && !faults.down() &&
+                       session.loop().trace().mode == station::Mode::kEngaged;
+  outcome.drift_mm = at_rest
+                         ? 1e3 * ground.metres_per_nm *
+                               (watch->commanded_w_nm.z() - session.loop().trace().tip_target_pos_w_nm.z())
+                         : kNan;
+  if (const auto most_mm = drift_limit_mm(spec); most_mm && std::fabs(outcome.drift_mm) > *most_mm)
+    invariants.violate(kInvariantFollow, now_s);
   outcome.violated = invariants.violated();
   outcome.violated_s = invariants.first_s();
   outcome.margin_mj = 1e3 * invariants.least_margin_j();
@@ -356,13 +404,6 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   outcome.shown_ratio = local.ratio();
   outcome.tip_nn = watch->most_force_nn;
   outcome.over_force = local.over_force(watch->most_force_nn);
-  const bool at_rest = is_task(spec.hand) && outcome.stopped_s < 0 && !faults.down() &&
-                       session.loop().trace().mode == station::Mode::kEngaged;
-  // Hand and tip have been at rest for longer than the link takes: what is left between them is drift.
-  outcome.drift_mm = at_rest
-                         ? 1e3 * ground.metres_per_nm *
-                               (watch->commanded_w_nm.z() - session.loop().trace().tip_target_pos_w_nm.z())
-                         : kNan;
   outcome.swing_mm = high_m >= low_m ? 1e3 * (high_m - low_m) : kNan;
   outcome.duty = touching > 0 ? static_cast<double>(acted) / static_cast<double>(touching) : 0;
   outcome.recover_s = invariants.slowest_recovery_s();

@@ -109,6 +109,22 @@ TEST(StressRun, TheNewActsAndCompandingDoWhatTheySay) {
   EXPECT_THROW(parse_run_spec("act=take-over restart=free"), UserError);
 }
 
+// What is sent again for a gap of the log comes in any order where a path jitters, and is lost in part where it loses. A log
+// that takes only what comes in order was cut every few seconds over the first of these links.
+TEST(StressRun, ATwinIsRightOverALinkThatJittersAndLoses) {
+  for (const char* link :
+       {"rtt-ms=200 jitter=0.1", "rtt-ms=200 jitter=0.1 reorder=0.2 duplicate=0.2", "rtt-ms=100 jitter=0.2",
+        "rtt-ms=200 loss=0.1 burst-ms=3", "rtt-ms=20 loss=0.3 burst-ms=3"}) {
+    for (const int seed : {1, 2, 3}) {
+      const std::string text = "method=twin scene=pdms hand=press seconds=10 " + std::string(link) +
+                               " seed=" + std::to_string(seed);
+      const Outcome outcome = run(parse_run_spec(text), Scenes::of_this_tree());
+      EXPECT_EQ(outcome.violated, 0u) << text << ": " << invariant_names(outcome.violated);
+      EXPECT_LT(outcome.felt.nrmse, 0.02) << text;
+    }
+  }
+}
+
 TEST(StressRun, LinkOptionsDoWhatTheySay) {
   // Nothing but the reply itself is felt with `none`, one tick after its command where the link takes no
   // time.

@@ -5,8 +5,10 @@
 #include <memory>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "telenano/nve_server/slave/slave.h"
+#include "tests/studies/stress/port_watch.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/wrong_slave.h"
 
@@ -29,22 +31,32 @@ struct SlaveWatch {
   double energy_in_aj = 0, energy_out_aj = 0;  ///< of the slave that there is
   double time_s = 0;                           ///< all steps together
   bool non_finite = false;
+  bool keeps_said = false;      ///< all that the slave has ever said, where that is asked for:
+  std::vector<Vec3> said_w_nn;  ///< the force after each step
+  bool sums_are_work = true;    ///< of each slave (port_watch.h)
+  bool rises = false;           ///< the commanded end goes up, or is where it can go no higher
 };
 
 /// A slave that is watched; and one that is wrong, where that is asked for.
 class WatchedSlave final : public slave::Slave {
  public:
   WatchedSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<SlaveWatch> watch, Mutant mutant)
-      : inner_(std::move(inner)), watch_(std::move(watch)), wrong_(mutant) {}
+      : inner_(std::move(inner)), watch_(std::move(watch)), wrong_(mutant), port_(inner_->limits().well_aj) {}
 
   void step(const slave::SlaveInput& told, double dt_s, slave::SlaveOutput& output) noexcept override {
     slave::SlaveInput input = told;
-    wrong_.before(inner_->limits(), input);
+    wrong_.before(inner_->limits(), dt_s, input);
     inner_->step(input, dt_s, output);
     wrong_.after(dt_s, output);
     SlaveWatch& w = *watch_;
+    port_.step(output);
+    w.sums_are_work = w.sums_are_work && port_.is_true();
+    w.rises = output.commanded_pos_w_nm.z() > commanded_z_w_nm_ ||
+              output.commanded_pos_w_nm.z() >= inner_->limits().workspace_max_w_nm.z();
+    commanded_z_w_nm_ = output.commanded_pos_w_nm.z();
     w.commanded_w_nm = output.commanded_pos_w_nm;
     w.force_w_nn = output.force_w_nn;
+    if (w.keeps_said) w.said_w_nn.push_back(output.force_w_nn);
     const bool touches = output.contact_state == link::ContactState::kContact;
     w.touched += touches && !touches_;
     w.touches = touches_ = touches;
@@ -73,6 +85,8 @@ class WatchedSlave final : public slave::Slave {
   std::unique_ptr<slave::Slave> inner_;
   std::shared_ptr<SlaveWatch> watch_;
   WrongSlave wrong_;
+  PortWatch port_;
+  double commanded_z_w_nm_ = 0;
   bool touches_ = false;
   double in_aj_ = 0, out_aj_ = 0;
   double given_aj_ = 0;  // most ever, net

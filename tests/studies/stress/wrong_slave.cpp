@@ -7,6 +7,7 @@ namespace telenano::studies::stress {
 namespace {
 
 constexpr double kTilt = 0.17453292519943295;  // 10°
+constexpr double kPeriodS = 1e-3;
 
 void mirror(double& value, double about) noexcept {
   value = 2 * about - value;
@@ -14,7 +15,7 @@ void mirror(double& value, double about) noexcept {
 
 }  // namespace
 
-void WrongSlave::before(const slave::SlaveLimits& limits, slave::SlaveInput& input) const noexcept {
+void WrongSlave::before(const slave::SlaveLimits& limits, double dt_s, slave::SlaveInput& input) noexcept {
   Vec3& to = input.tip_target_pos_w_nm;
   Vec3& by = input.tip_target_vel_w_nm_s;
   const Vec3& start = limits.start_pos_w_nm;
@@ -34,6 +35,20 @@ void WrongSlave::before(const slave::SlaveLimits& limits, slave::SlaveInput& inp
       return;
     case Mutant::kSlaveCreeping:
       to.z() -= std::min(1.0 * passed_s_, 5.0);
+      return;
+    case Mutant::kSlaveHoldsOn:
+      if (!input.retract) return;
+      input.retract = false;
+      input.follow = false;
+      return;
+    case Mutant::kSlaveDrifts:
+      if (!input.follow || input.retract || !sums_) {
+        summed_w_nm_ = to;
+        sums_ = input.follow && !input.retract;
+        return;
+      }
+      summed_w_nm_ += by * std::min(dt_s, kPeriodS);
+      to = summed_w_nm_;
       return;
     case Mutant::kSlaveSoft:
       if (to.z() < limits.surface_z_w_nm) to.z() += 0.7 * (limits.surface_z_w_nm - to.z());
@@ -99,6 +114,8 @@ void WrongSlave::after(double dt_s, slave::SlaveOutput& output) noexcept {
   if (mutant_ == Mutant::kNone) return;
   passed_s_ += dt_s;
   output.force_w_nn = wrong_force_w_nn(dt_s, output);
+  if (mutant_ == Mutant::kSlaveGivesUncounted) output.energy_out_aj *= 0.9;
+  if (mutant_ == Mutant::kSlaveTakesUncounted) output.energy_in_aj *= 1.1;
   if (mutant_ == Mutant::kFallingSums && output.energy_in_aj > 0)
     output.energy_in_aj = std::max(0.0, output.energy_in_aj - output.energy_out_aj);
 }

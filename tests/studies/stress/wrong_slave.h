@@ -9,11 +9,11 @@
 namespace telenano::studies::stress {
 
 /// What a slave that is wrong on purpose (mutants.h) makes of what it is told and of what it answers. Its
-/// energy sums stay those of the right one.
+/// energy sums stay those of the right one, but where they are what is wrong.
 class WrongSlave {
  public:
   explicit WrongSlave(Mutant mutant) noexcept : mutant_(mutant) { late_.fill(Vec3::Zero()); }
-  void before(const slave::SlaveLimits& limits, slave::SlaveInput& input) const noexcept;
+  void before(const slave::SlaveLimits& limits, double dt_s, slave::SlaveInput& input) noexcept;
   void after(double dt_s, slave::SlaveOutput& output) noexcept;
 
  private:
@@ -27,6 +27,8 @@ class WrongSlave {
   double touching_s_ = 0;
   double free_s_ = 1e9;
   Vec3 held_w_nn_ = Vec3::Zero();
+  Vec3 summed_w_nm_ = Vec3::Zero();
+  bool sums_ = false;
   std::uint64_t noise_ = 0x9e3779b97f4a7c15ull;
 };
 
