@@ -167,15 +167,19 @@ Dilation::Nodes Dilation::Nodes::common(const Nodes& other) const noexcept {
           std::min(j0 + ny, other.j0 + other.ny) - low};
 }
 
-// Heights of the whole part, for its reference; the rest where the wanted nodes reach.
-void Dilation::fill_window(const Nodes& part, const Nodes& wanted, Window& window) const {
+// Heights of the whole part, for its reference, unless that is known; the rest where the wanted nodes reach.
+void Dilation::fill_window(const Nodes& part, const PartExtremes::Part& id, const Nodes& wanted,
+                           Window& window) const {
+  PartExtremes::Extremes extremes;
+  const bool known = extremes_ && extremes_->find(id, extremes);
+  const Nodes& seen = known ? wanted : part;
   const int m = lattice_.m;
   const auto first_block = [&](int i) { return floor_div(i * m, kBlock) - reach_; };
   const auto last_block = [&](int i, int count) { return floor_div((i + count - 1) * m, kBlock) + reach_; };
-  window.first_block_x = first_block(part.i0);
-  window.first_block_y = first_block(part.j0);
-  window.blocks_x = last_block(part.i0, part.nx) - window.first_block_x + 1;
-  window.blocks_y = last_block(part.j0, part.ny) - window.first_block_y + 1;
+  window.first_block_x = first_block(seen.i0);
+  window.first_block_y = first_block(seen.j0);
+  window.blocks_x = last_block(seen.i0, seen.nx) - window.first_block_x + 1;
+  window.blocks_y = last_block(seen.j0, seen.ny) - window.first_block_y + 1;
   const int sx = window.blocks_x * kBlock;
   const int sy = window.blocks_y * kBlock;
   // Heights of the mirrored spline: along x for each row of coefficients in reach, then along y.
@@ -240,10 +244,13 @@ void Dilation::fill_window(const Nodes& part, const Nodes& wanted, Window& windo
       }
     }
   }
-  const double highest = *std::max_element(most_of, most_of + kBlock);
-  const double lowest = *std::min_element(least_of, least_of + kBlock);
+  if (!known) {
+    extremes = {*std::max_element(most_of, most_of + kBlock), *std::min_element(least_of, least_of + kBlock)};
+    if (extremes_) extremes_->keep(id, extremes);
+  }
+  const double highest = extremes.highest;
   window.reference = highest;
-  window.relief = highest - lowest;
+  window.relief = highest - extremes.lowest;
   const int left = first_block(wanted.i0) - window.first_block_x;
   const int right = last_block(wanted.i0, wanted.nx) - window.first_block_x;
   const int bottom = first_block(wanted.j0) - window.first_block_y;
@@ -522,7 +529,7 @@ void Dilation::make_tile(int tile_column, int tile_row, std::vector<DilatedNode>
   const int i0 = tile_column * kTile, j0 = tile_row * kTile;
   const Nodes tile{i0, j0, std::min(kTile, lattice_.columns - i0), std::min(kTile, lattice_.rows - j0)};
   nodes.resize(static_cast<std::size_t>(tile.nx) * static_cast<std::size_t>(tile.ny));
-  make_part(tile, tile, nodes.data());
+  make_part(tile, {tile_number(tile_column, tile_row), 0}, tile, nodes.data());
 }
 
 // Of each tile, and each part of it, what is wanted: its window's reference is the tile's.
@@ -532,7 +539,7 @@ void Dilation::make_rectangle(int first_column, int first_row, int columns, int 
   const Nodes wanted{first_column, first_row, columns, rows};
   if (level_) {
     DilatedNode node;
-    make_part({0, 0, 1, 1}, {0, 0, 1, 1}, &node);
+    make_part({0, 0, 1, 1}, {}, {0, 0, 1, 1}, &node);
     std::fill(nodes.begin(), nodes.end(), node);
     return;
   }
@@ -540,25 +547,36 @@ void Dilation::make_rectangle(int first_column, int first_row, int columns, int 
     for (int ti = first_column / kTile; ti <= (first_column + columns - 1) / kTile; ++ti) {
       make_part({ti * kTile, tj * kTile, std::min(kTile, lattice_.columns - ti * kTile),
                  std::min(kTile, lattice_.rows - tj * kTile)},
-                wanted, nodes.data());
+                {tile_number(ti, tj), 0}, wanted, nodes.data());
     }
   }
 }
 
-void Dilation::make_part(const Nodes& part, const Nodes& wanted, DilatedNode* nodes) const {
+void Dilation::remember_tiles() {
+  extremes_ = std::make_unique<PartExtremes>(static_cast<std::size_t>(tile_columns()) *
+                                             static_cast<std::size_t>(tile_rows()));
+}
+
+void Dilation::make_part(const Nodes& part, const PartExtremes::Part& id, const Nodes& wanted,
+                         DilatedNode* nodes) const {
   const Nodes here = part.common(wanted);
   if (here.nx <= 0 || here.ny <= 0) return;
-  Window window;
-  fill_window(part, here, window);
   // Steep ground: smaller parts have less relief, so that few nodes or none must be summed slowly.
-  if (window.relief > kRoom * t_ && std::min(part.nx, part.ny) >= 2 * kLeastPart) {
+  const bool parts = std::min(part.nx, part.ny) >= 2 * kLeastPart;
+  const auto steep = [&](double relief) { return parts && relief > kRoom * t_; };
+  const auto by_quarters = [&] {
     const int half_x = part.nx / 2, half_y = part.ny / 2;
-    make_part({part.i0, part.j0, half_x, half_y}, wanted, nodes);
-    make_part({part.i0 + half_x, part.j0, part.nx - half_x, half_y}, wanted, nodes);
-    make_part({part.i0, part.j0 + half_y, half_x, part.ny - half_y}, wanted, nodes);
-    make_part({part.i0 + half_x, part.j0 + half_y, part.nx - half_x, part.ny - half_y}, wanted, nodes);
-    return;
-  }
+    make_part({part.i0, part.j0, half_x, half_y}, id.quarter(0), wanted, nodes);
+    make_part({part.i0 + half_x, part.j0, part.nx - half_x, half_y}, id.quarter(1), wanted, nodes);
+    make_part({part.i0, part.j0 + half_y, half_x, part.ny - half_y}, id.quarter(2), wanted, nodes);
+    make_part({part.i0 + half_x, part.j0 + half_y, part.nx - half_x, part.ny - half_y}, id.quarter(3), wanted,
+              nodes);
+  };
+  PartExtremes::Extremes known;
+  if (extremes_ && extremes_->find(id, known) && steep(known.highest - known.lowest)) return by_quarters();
+  Window window;
+  fill_window(part, id, here, window);
+  if (steep(window.relief)) return by_quarters();
   std::vector<Pair> pairs;
   pairs.reserve(static_cast<std::size_t>(2 * reach_ + 1) * static_cast<std::size_t>(2 * reach_ + 1));
   for (int j = here.j0; j < here.j0 + here.ny; ++j) {
@@ -581,7 +599,7 @@ std::vector<DilatedNode> Dilation::make_all(const std::function<void(double)>& m
                                static_cast<std::size_t>(lattice_.rows));
   if (level_) {
     DilatedNode node;
-    make_part({0, 0, 1, 1}, {0, 0, 1, 1}, &node);
+    make_part({0, 0, 1, 1}, {}, {0, 0, 1, 1}, &node);
     std::fill(all.begin(), all.end(), node);
     return all;
   }

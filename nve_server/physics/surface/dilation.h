@@ -2,9 +2,11 @@
 
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "telenano/nve_server/physics/surface/bicubic_spline.h"
+#include "telenano/nve_server/physics/surface/part_extremes.h"
 #include "telenano/nve_server/physics/surface/retraction_kernel.h"
 
 namespace telenano::physics {
@@ -88,6 +90,8 @@ class Dilation {
   /// The tile of kTile × kTile nodes with this number across and along (fewer at the far rims), row-major.
   static constexpr int kTile = 64;
   void make_tile(int tile_column, int tile_row, std::vector<DilatedNode>& nodes) const;
+  /// For who makes small rectangles, one after the other: what a whole tile must be looked at for is kept.
+  void remember_tiles();
   /// The nodes of any rectangle, row-major: the same bits.
   void make_rectangle(int first_column, int first_row, int columns, int rows,
                       std::vector<DilatedNode>& nodes) const;
@@ -101,6 +105,10 @@ class Dilation {
   const DilationLattice& lattice() const noexcept { return lattice_; }
 
  private:
+  std::size_t tile_number(int column, int row) const noexcept {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(tile_columns()) +
+           static_cast<std::size_t>(column);
+  }
   static constexpr int kBlock = 4;
   /// Kernel of a block of 4 × 4 sub-samples: weight times e^{ψ/t}, that times the moment (n_z or r²), and ψ.
   struct Block {
@@ -116,8 +124,10 @@ class Dilation {
     int i0, j0, nx, ny;
     Nodes common(const Nodes& other) const noexcept;
   };
-  void fill_window(const Nodes& part, const Nodes& wanted, Window& window) const;
-  void make_part(const Nodes& part, const Nodes& wanted, DilatedNode* nodes) const;
+  void fill_window(const Nodes& part, const PartExtremes::Part& id, const Nodes& wanted,
+                   Window& window) const;
+  void make_part(const Nodes& part, const PartExtremes::Part& id, const Nodes& wanted,
+                 DilatedNode* nodes) const;
   template <class Use>
   void each_block(const Window& window, int i, int j, const Use& use) const;
   struct Pair {
@@ -143,11 +153,12 @@ class Dilation {
   const RetractionKernel* pull_off_;  // null: none
   bool level_;                        // all nodes are one
   bool paraboloid_;
-  double dx_, dy_;                   // of sub-samples
-  int reach_;                        // blocks to either side
-  int alignments_;                   // places of a node within a block, along one side
-  std::vector<Block> kernel_;        // [align_y][align_x][block row][block column]
-  std::vector<float> most_, least_;  // of ψ in a block
+  double dx_, dy_;                          // of sub-samples
+  int reach_;                               // blocks to either side
+  int alignments_;                          // places of a node within a block, along one side
+  std::vector<Block> kernel_;               // [align_y][align_x][block row][block column]
+  std::vector<float> most_, least_;         // of ψ in a block
+  std::unique_ptr<PartExtremes> extremes_;  // null: each window is looked at anew
 };
 
 }  // namespace telenano::physics

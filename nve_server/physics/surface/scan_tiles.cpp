@@ -28,9 +28,9 @@ ScanFields::Tiles::Tiles(ScanFields& fields, std::shared_ptr<const BicubicSpline
     of.memory = std::make_shared<surface::ReservedMemory>(grid.size());
     for (const double t : {first_t, second_t}) {
       if (t > 0.0)
-        of.dilations.emplace_back(*height_, fields.lattice_of(grid, top, t), fields.radius_, t, relief_nm,
-                                  widest_lanes(),
-                                  grids_.empty() && of.dilations.empty() ? pull_off_.get() : nullptr);
+        of.nodes.push_back(std::make_unique<KnownNodes>(
+            Dilation(*height_, fields.lattice_of(grid, top, t), fields.radius_, t, relief_nm, widest_lanes(),
+                     grids_.empty() && of.nodes.empty() ? pull_off_.get() : nullptr)));
     }
     grid.made = {of.memory, of.memory->data()};
     grid.tiles = this;
@@ -91,7 +91,7 @@ void ScanFields::Tiles::ensure(std::size_t number, int ti, int tj) noexcept {
   while (state.load(std::memory_order_acquire) != kMade) state.wait(kMaking, std::memory_order_acquire);
 }
 
-void ScanFields::Tiles::make_raw(const OfGrid& of, std::size_t level, const Patch& to, int lane) const {
+void ScanFields::Tiles::make_raw(OfGrid& of, std::size_t level, const Patch& to, int lane) {
   const auto nodes_of = [](int first, int last, int count) {
     Span nodes{count, -1};
     for (int i = first; i <= last; ++i) {
@@ -104,7 +104,7 @@ void ScanFields::Tiles::make_raw(const OfGrid& of, std::size_t level, const Patc
   const Span x = nodes_of(to.left, to.right, of.grid.columns);
   const Span y = nodes_of(to.low, to.high, of.grid.rows);
   std::vector<DilatedNode> nodes;
-  of.dilations[level].make_rectangle(x.first, y.first, x.count(), y.count(), nodes);
+  of.nodes[level]->get(x.first, y.first, x.count(), y.count(), nodes);
   interpolate(of.grid, nodes, x.first, y.first, x.count(), most_log_radius_, to, lane);
 }
 

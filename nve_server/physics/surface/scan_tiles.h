@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "telenano/nve_server/physics/surface/known_nodes.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 
 /// Private to ScanFields: which coefficients of a large scan are made, and how one tile is.
@@ -88,7 +89,7 @@ class ScanFields::Tiles {
     int across = 0, along = 0;  // tiles
     std::unique_ptr<std::atomic<int>[]> state;
     std::unique_ptr<std::atomic<bool>[]> seen;  // it and the next ones, which its stencils reach, are made
-    std::vector<Dilation> dilations;            // one a level
+    std::vector<std::unique_ptr<KnownNodes>> nodes;  // one a level
     std::shared_ptr<surface::ReservedMemory> memory;
     std::size_t tile(int ti, int tj) const noexcept {
       return static_cast<std::size_t>(tj) * static_cast<std::size_t>(across) + static_cast<std::size_t>(ti);
@@ -97,7 +98,7 @@ class ScanFields::Tiles {
   bool take_wish(Place& place) noexcept;
   void ensure(std::size_t number, int ti, int tj) noexcept;
   void make(std::size_t number, int ti, int tj);
-  void make_raw(const OfGrid& of, std::size_t level, const Patch& to, int lane) const;
+  void make_raw(OfGrid& of, std::size_t level, const Patch& to, int lane);
 
   std::shared_ptr<const BicubicSpline> height_;
   std::shared_ptr<const RetractionKernel> pull_off_;
