@@ -31,6 +31,7 @@ class KnownNodes {
 
   /// So many nodes were made, one that was made twice counted twice.
   std::size_t made() const noexcept { return made_.load(std::memory_order_relaxed); }
+  std::size_t bytes() const noexcept { return bytes_.load(std::memory_order_relaxed); }
   /// The nodes of a rectangle, row-major.
   void get(int first_column, int first_row, int columns, int rows, std::vector<DilatedNode>& nodes) {
     make_missing(first_column, first_row, columns, rows);
@@ -69,7 +70,10 @@ class KnownNodes {
     Block* block = at.load(std::memory_order_acquire);
     if (block == nullptr) {
       auto made = std::make_unique<Block>();
-      if (at.compare_exchange_strong(block, made.get(), std::memory_order_acq_rel)) block = made.release();
+      if (at.compare_exchange_strong(block, made.get(), std::memory_order_acq_rel)) {
+        block = made.release();
+        bytes_.fetch_add(sizeof(Block), std::memory_order_relaxed);
+      }
     }
     auto& to = block->node[static_cast<std::size_t>(j % kSide * kSide + i % kSide)];
     to[0].store(node.height_nm, std::memory_order_relaxed);
@@ -108,7 +112,7 @@ class KnownNodes {
   Dilation dilation_;
   std::size_t across_;
   std::vector<std::atomic<Block*>> blocks_;
-  std::atomic<std::size_t> made_{0};
+  std::atomic<std::size_t> made_{0}, bytes_{0};
 };
 
 }  // namespace telenano::physics

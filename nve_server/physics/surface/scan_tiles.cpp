@@ -161,6 +161,13 @@ void ScanFields::Tiles::make(std::size_t number, int ti, int tj) {
   bytes_.fetch_add(memory.size() * sizeof(double), std::memory_order_relaxed);
 }
 
+std::size_t ScanFields::Tiles::bytes() const noexcept {
+  std::size_t sum = bytes_.load(std::memory_order_relaxed);
+  for (const OfGrid& of : grids_)
+    for (const auto& nodes : of.nodes) sum += nodes->bytes();
+  return sum;
+}
+
 void ScanFields::Tiles::make_area(double left, double right, double low, double high) noexcept {
   for (std::size_t n = 0; n < grids_.size(); ++n) {
     const Grid& grid = grids_[n].grid;

@@ -51,7 +51,8 @@ class ScanFields::Tiles {
   void wish_nothing(bool nothing) noexcept { silent_.store(nothing, std::memory_order_relaxed); }
   /// What stencils reach that begin there, of all grids; nm from the first node.
   void make_area(double left, double right, double low, double high) noexcept;
-  std::size_t bytes() const noexcept { return bytes_.load(std::memory_order_relaxed); }
+  /// Of tiles, and of the nodes that they are made of.
+  std::size_t bytes() const noexcept;
 
  private:
   static constexpr int kSide = 16;  // of a tile, finest coefficients; coarser grids cover as much
