@@ -337,7 +337,7 @@ void SimController::tell_calibration(double index, Pending& pending) const {
       index == kDeflectionSignal ? calibration_factor_ * 1e-9 * config_.deflection_nm_v : 1.0, 0.0};
 }
 
-/// The answer to a question that takes no arguments and cannot be refused.
+/// The answer to a question that takes no arguments and cannot be refused; empty: it is no such question.
 std::vector<double> SimController::told(CommandId question) const {
   using enum CommandId;
   const auto flag = [](bool on) { return on ? 1.0 : 0.0; };
@@ -453,6 +453,7 @@ void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pend
     case kLimitsEnabledGet:
     case kLimitsGet:
       pending.answer.numbers = told(call.id);
+      if (pending.answer.numbers.empty()) deny(pending, 2, "this simulation has no answer to that");
       return;
   }
 }

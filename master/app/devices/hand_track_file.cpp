@@ -38,7 +38,8 @@ device::HandTrack load_hand_track(const std::string& path) {
       if (!follows && followed && !track.points.empty()) track.points.back().buttons |= device::kButtonClutch;
       const std::uint32_t clutch = follows ? 0 : std::uint32_t{device::kButtonClutch};
       const auto& pos = sample.hand_pos_h_m;
-      track.points.push_back({sample.time_s - start_s, Vec3(pos[0], pos[1], pos[2]), sample.buttons | clutch});
+      track.points.push_back(
+          {sample.time_s - start_s, Vec3(pos[0], pos[1], pos[2]), sample.buttons | clutch});
       followed = follows;
     }
   }

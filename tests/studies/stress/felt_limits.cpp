@@ -11,6 +11,11 @@ namespace {
 /// A lateral force below this is not judged: a hand notices some hundredths of a newton.
 constexpr double kLateralJudgedN = 0.02;
 
+/// A wall by hand has no scene to fetch, and so no twin: the station falls back.
+bool has_twin(const RunSpec& spec) noexcept {
+  return spec.method == control::Method::kTwin && spec.scene != SceneKind::kWall;
+}
+
 /// A twin makes its steps whatever becomes of datagrams, as long as no silence comes near what it may be shown alone (0.2 s).
 bool suits_twin(const RunSpec& spec) noexcept {
   constexpr double kShortMs = 5;    // of bursts of loss: e^−40 of them are longer than 0.2 s
@@ -29,10 +34,10 @@ bool delivers(const RunSpec& spec) noexcept {
 bool is_calm(const RunSpec& spec) noexcept {
   const bool task = spec.hand == HandKind::kPress || spec.hand == HandKind::kContact ||
                     spec.hand == HandKind::kIndent || spec.hand == HandKind::kRaster;
-  const bool link =
-      delivers(spec) && spec.act == Act::kNone && spec.playout == link::PlayoutConfig::Mode::kNewest &&
-      spec.deadband_nm == 0 && spec.deadband_n == 0 && spec.reply_permille == 0 &&
-      (spec.method == control::Method::kTwin ? suits_twin(spec) : spec.loss == 0 && spec.jitter == 0);
+  const bool link = delivers(spec) && spec.act == Act::kNone &&
+                    spec.playout == link::PlayoutConfig::Mode::kNewest && spec.deadband_nm == 0 &&
+                    spec.deadband_n == 0 && spec.reply_permille == 0 &&
+                    (has_twin(spec) ? suits_twin(spec) : spec.loss == 0 && spec.jitter == 0);
   const bool station = spec.late == 0 && spec.quantum_m == 0 && spec.scale <= 1 && spec.rate_hz >= 1000;
   return task && link && station;
 }
@@ -44,8 +49,7 @@ bool is_calm(const RunSpec& spec) noexcept {
 std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept {
   // On the hard wall the slave's own force limit cuts what the tip meets; methods differ in showing that.
   if (!is_calm(spec) || spec.scene == SceneKind::kHard) return std::nullopt;
-  // A wall by hand has no scene to fetch, and so no twin: the station falls back.
-  const bool no_twin = spec.method == control::Method::kTwin && spec.scene == SceneKind::kWall;
+  const bool no_twin = spec.method == control::Method::kTwin && !has_twin(spec);
   const double period_ms = 1e3 / spec.rate_hz;
   FeltLimits limits;
   switch (no_twin ? control::Method::kModel : spec.method) {
