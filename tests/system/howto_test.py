@@ -127,7 +127,7 @@ class HowTo(unittest.TestCase):
         said = [self.run_line(line) for line in lines[serve + 1:]]
         self.assertEqual(len(list(self.folder.glob("student-*.h5"))), 20)
         for table in self.folder.glob("student-*.csv"):
-            self.assertGreater(len(table.read_text().splitlines()), 20, table.name)
+            self.assertGreater(len(table.read_text().splitlines()), 20, f"{table.name}: {table.read_text()}")
         came = {json.loads(line).get("key") for line in (self.folder / "class.log").read_text().splitlines()}
         for i in range(1, 21):
             self.assertIn(f"student-{i:02}", came)
