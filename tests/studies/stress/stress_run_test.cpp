@@ -109,8 +109,8 @@ TEST(StressRun, TheNewActsAndCompandingDoWhatTheySay) {
   EXPECT_THROW(parse_run_spec("act=take-over restart=free"), UserError);
 }
 
-// What is sent again for a gap of the log comes in any order where a path jitters, and is lost in part where it loses. A log
-// that takes only what comes in order was cut every few seconds over the first of these links.
+// Before steps of overtaken commands counted and gaps were sent again more than once a round trip, a twin's log was cut every few
+// seconds over the first of these links (OvertakenSteps and StepLog have either by itself).
 TEST(StressRun, ATwinIsRightOverALinkThatJittersAndLoses) {
   for (const char* link :
        {"rtt-ms=200 jitter=0.1", "rtt-ms=200 jitter=0.1 reorder=0.2 duplicate=0.2", "rtt-ms=100 jitter=0.2",
