@@ -182,6 +182,8 @@ void Server::take_overtaken_steps(std::size_t slot, const link::Command& command
                                   std::int64_t now_ns) noexcept {
   SessionRecord& record = records_[slot];
   if (!record.steps.enabled() || incoming_.steps.count == 0) return;
+  // A right that was taken away meanwhile is declared by the next command; until then nothing moves for this one.
+  if (record.operates && standing_.rights < net::Rights::kOperate) return;
   record.steps.take(incoming_.steps, now_ns, command.tip_hold);
   run_log(slot, config_.steps_at_once, now_ns);
 }

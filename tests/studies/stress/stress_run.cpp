@@ -7,6 +7,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/random.h"
+#include "telenano/common/link/session_table.h"
 #include "telenano/master/station/station.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/stress/fault_injection.h"
@@ -29,8 +30,8 @@ namespace {
 constexpr double kMargin = 0.99;  // of the planned scale within its bound
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kForceMaxN = 12;
-constexpr double kStopS = 0.02;      // of station and server, until a stop that has come does something
-constexpr double kSilenceS = 2;      // link::SessionTableConfig::timeout_ns
+constexpr double kStopS = 0.02;  // of station and server, until a stop that has come does something
+constexpr double kSilenceS = 1e-9 * link::SessionTableConfig{}.timeout_ns;
 constexpr double kWallHeightNm = 5;  // of the tip over the wall at the start
 
 std::int64_t nanoseconds(double seconds) {

@@ -1,27 +1,17 @@
 // How many pieces of a slave's state one session gets, however fast it asks.
 #include <gtest/gtest.h>
 
-#include <memory>
-
-#include "tests/support/wall_slave.h"
-#include "virtual_session.h"
+#include "wall_session.h"
 
 namespace telenano::server {
 namespace {
 
 // The bound is arithmetic: 64 pieces saved up at most, and 2500 a second (PROTOCOL.md, section 2).
 TEST(SnapshotRate, OneSessionGetsNoMoreThanItsPieces) {
-  ServedScene scene;
-  scene.hash = 7;
-  scene.name = scene_name("wall");
-  scene.make_slave = [] { return std::make_unique<support::WallSlave>(support::WallSlaveConfig{}); };
-  Server server(test_config(), std::move(scene));
-  link::ClientConfig config;
-  config.step_ring = 4000;
-  VirtualSession s(&server, config, net::SimPath{}, net::SimPath{}, 1);
-  s.client.start(0);
-  s.ticks(20);
-  ASSERT_NE(s.client.features() & link::kFeatureStepLog, 0u);
+  LoggingSession session;
+  Server& server = session.server;
+  VirtualSession& s = session.s;
+  ASSERT_TRUE(session.logs());
   link::SnapshotRequest request;
   request.session_id = s.client.welcome().session_id;
   request.snapshot = 1;
