@@ -10,6 +10,8 @@
 #include <numbers>
 #include <vector>
 
+#include "telenano/master/calibration/filled_positions.h"
+
 namespace telenano::calibration {
 namespace {
 
@@ -17,8 +19,9 @@ using Complex = std::complex<double>;
 
 constexpr double kWindow_s = 1.0;
 constexpr double kHop_s = 0.5;
-constexpr double kLongestPause_s = 0.005;
-constexpr double kLongestCall_s = 0.005;
+constexpr double kLongestPause_s = 0.005;  // of positions that are filled
+// A force changes by up to 10 mN a tick and is late or early by half of the call: to 0.2 % of a window's sum.
+constexpr double kLongestCommand_s = 0.02;
 constexpr int kPeriods = 8;                         // of w's carrier in a window
 constexpr int kEdges = 2;                           // sin^4 has harmonics up to this one
 constexpr int kOrders = kPeriods + 2 * kEdges + 1;  // of e^{2 pi i q u}: q = -2 ... 10
@@ -77,32 +80,42 @@ void put_rows(const Orders& orders, const Factor& factor, Column& rows) {
   }
 }
 
-double velocity_at(std::span<const DynamicsSample> track, std::size_t i) {
+double velocity_at(std::span<const TimedPosition> positions, std::size_t i) {
   std::size_t before = i;
   std::size_t after = i;
-  while (before > 0 && track[i].time_s - track[before].time_s < kSlopeReach_s) --before;
-  while (after + 1 < track.size() && track[after].time_s - track[i].time_s < kSlopeReach_s) ++after;
-  const double dt = track[after].time_s - track[before].time_s;
-  return dt > 0 ? (track[after].position_m - track[before].position_m) / dt : 0;
+  while (before > 0 && positions[i].time_s - positions[before].time_s < kSlopeReach_s) --before;
+  while (after + 1 < positions.size() && positions[after].time_s - positions[i].time_s < kSlopeReach_s)
+    ++after;
+  const double dt = positions[after].time_s - positions[before].time_s;
+  return dt > 0 ? (positions[after].position_m - positions[before].position_m) / dt : 0;
+}
+
+/// Of the velocity at each position.
+std::vector<double> signs_of(std::span<const TimedPosition> positions) {
+  std::vector<double> sign(positions.size());
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    sign[i] = std::clamp(velocity_at(positions, i) / kStandsStill_m_s, -1.0, 1.0);
+  return sign;
 }
 
 /// A window of the track, and what of (1) does not depend on the latency.
 class Window {
  public:
-  Window(std::span<const DynamicsSample> track, const std::vector<double>& sign, double start_s,
-         std::size_t first, std::size_t end)
-      : track_(track), start_s_(start_s), first_(first), end_(end) {
+  /// `positions` and their velocities' signs are those of the window, `track` is all of it.
+  Window(std::span<const DynamicsSample> track, std::span<const TimedPosition> positions,
+         std::span<const double> sign, double start_s)
+      : track_(track), start_s_(start_s) {
     Orders x{};
     Orders s{};
     Orders one{};
-    for (std::size_t i = first; i + 1 < end; ++i) {
-      // Trapezoids: each sample has half of the intervals beside it.
-      const double before = i > first ? track[i].time_s - track[i - 1].time_s : 0;
-      const double dt = 0.5 * (before + track[i + 1].time_s - track[i].time_s);
-      const Complex turn = std::polar(1.0, omega(1) * (track[i].time_s - start_s));
+    for (std::size_t i = 0; i + 1 < positions.size(); ++i) {
+      // Trapezoids: each position has half of the intervals beside it.
+      const double before = i > 0 ? positions[i].time_s - positions[i - 1].time_s : 0;
+      const double dt = 0.5 * (before + positions[i + 1].time_s - positions[i].time_s);
+      const Complex turn = std::polar(1.0, omega(1) * (positions[i].time_s - start_s));
       Complex wave = dt * std::conj(turn * turn);
       for (std::size_t q = 0; q < kOrders; ++q, wave *= turn) {
-        x[q] += track[i].position_m * wave;
+        x[q] += positions[i].position_m * wave;
         s[q] += sign[i] * wave;
         one[q] += wave;
       }
@@ -128,8 +141,11 @@ class Window {
   /// The right side of (1).
   Column force(double latency_s) const {
     Orders f{};
-    std::size_t i = first_;
-    while (i > 0 && track_[i].force_time_s + latency_s > start_s_) --i;
+    // The first that reaches into the window.
+    const auto after = std::upper_bound(
+        track_.begin(), track_.end(), start_s_ - latency_s,
+        [](double time_s, const DynamicsSample& sample) { return time_s < sample.force_time_s; });
+    std::size_t i = after == track_.begin() ? 0 : static_cast<std::size_t>(after - track_.begin() - 1);
     for (; i < track_.size(); ++i) {
       const double end_s = i + 1 < track_.size() ? track_[i + 1].force_time_s : track_[i].force_time_s;
       const double from_s = std::clamp(track_[i].force_time_s + latency_s - start_s_, 0.0, kWindow_s);
@@ -155,8 +171,6 @@ class Window {
  private:
   std::span<const DynamicsSample> track_;
   double start_s_;
-  std::size_t first_;
-  std::size_t end_;
   Rows rows_;
 };
 
@@ -223,20 +237,33 @@ struct Sums {
   }
 };
 
-std::vector<Window> windows_of(std::span<const DynamicsSample> track, const std::vector<double>& sign) {
+std::vector<Window> windows_of(std::span<const DynamicsSample> track) {
+  const std::vector<TimedPosition> positions = filled_positions(track);
+  const std::vector<double> sign = signs_of(positions);
+  const auto paused = [&](std::size_t first, std::size_t end) {
+    // With what is between its first and last positions and those outside.
+    for (std::size_t i = std::max<std::size_t>(first, 1); i < std::min(end + 1, positions.size()); ++i) {
+      if (positions[i].time_s - positions[i - 1].time_s > kLongestPause_s) return true;
+    }
+    return false;
+  };
+  const auto command_hung = [&](double start_s) {
+    return std::any_of(track.begin(), track.end(), [&](const DynamicsSample& sample) {
+      return sample.command_took_s > kLongestCommand_s && sample.force_time_s > start_s - kLongestCommand_s &&
+             sample.force_time_s < start_s + kWindow_s + kLongestCommand_s;
+    });
+  };
   std::vector<Window> windows;
   const double last_s = track.back().time_s - kLatencyMost_s;
   std::size_t first = 0;
   for (double start_s = track.front().time_s + kLatencyMost_s; start_s + kWindow_s <= last_s;
        start_s += kHop_s) {
-    while (track[first].time_s < start_s) ++first;
+    while (first < positions.size() && positions[first].time_s < start_s) ++first;
     std::size_t end = first;
-    bool paused = false;
-    for (; end < track.size() && track[end].time_s <= start_s + kWindow_s; ++end) {
-      paused = paused || track[end].unsure_s > kLongestCall_s ||
-               (end > 0 && track[end].time_s - track[end - 1].time_s > kLongestPause_s);
-    }
-    if (!paused && end - first > 4 * kOrders) windows.emplace_back(track, sign, start_s, first, end);
+    while (end < positions.size() && positions[end].time_s <= start_s + kWindow_s) ++end;
+    if (end - first <= 4 * kOrders || paused(first, end) || command_hung(start_s)) continue;
+    windows.emplace_back(track, std::span(positions).subspan(first, end - first),
+                         std::span(sign).subspan(first, end - first), start_s);
   }
   return windows;
 }
@@ -419,10 +446,7 @@ AxisDynamics identify_axis(std::span<const DynamicsSample> track) {
   if (track.size() < 2) return found;
   found.quantum_m = quantum_of(track);
   found.motion_rms_m = motion_rms(track);
-  std::vector<double> sign(track.size());
-  for (std::size_t i = 0; i < track.size(); ++i)
-    sign[i] = std::clamp(velocity_at(track, i) / kStandsStill_m_s, -1.0, 1.0);
-  std::vector<Window> windows = windows_of(track, sign);
+  std::vector<Window> windows = windows_of(track);
   if (windows.size() < kStretches) return found;
   if (found.motion_rms_m < std::max(kLeastMotion_m, kLeastMotionInQuanta * found.quantum_m)) {
     found.verdict = DynamicsVerdict::kDoesNotMove;

@@ -3,17 +3,9 @@
 #include <cstdint>
 #include <span>
 
-namespace telenano::calibration {
+#include "telenano/master/calibration/dynamics_sample.h"
 
-/// One tick of an axis: where it was, and the force that was applied until the next tick's. The two have times of their own:
-/// on a busy machine the processor may be taken away between the reading and the command.
-struct DynamicsSample {
-  double time_s = 0;  ///< of the position
-  double position_m = 0;
-  double force_time_s = 0;  ///< from when on the force is applied; not before time_s
-  double force_n = 0;
-  double unsure_s = 0;  ///< how long the reading or the command took: its time is unknown by half of that
-};
+namespace telenano::calibration {
 
 /// A value with its two-sided 95 % interval.
 struct Interval {
@@ -24,7 +16,7 @@ struct Interval {
 
 enum class DynamicsVerdict : std::uint8_t {
   kGood,
-  kTooShort,      ///< fewer than about 9 s, or too many pauses in it
+  kTooShort,      ///< fewer than about 9 s, or too many long pauses in it
   kDoesNotMove,   ///< less than 0.5 mm or 30 encoder steps rms: held, blocked or without power
   kHeld,          ///< something as stiff as a hand holds it
   kChanges,       ///< its first half has another mass, damping or stiffness than its second
@@ -59,7 +51,8 @@ struct AxisDynamics {
 ///
 /// Intervals   jackknife over sixteen stretches of the track, Student's t with 15 degrees of freedom: they
 ///             hold errors of the model that change with time, not those that are the same throughout.
-/// Needs       a track of about 9 s, times increasing; what is beside a pause or a call of more than 5 ms is left out.
+/// Needs       a track of about 9 s, times increasing. Pauses of up to 20 ms are filled (filled_positions.h); windows with a
+///             longer one, or with a command that took longer, are left out.
 AxisDynamics identify_axis(std::span<const DynamicsSample> track);
 
 }  // namespace telenano::calibration

@@ -147,7 +147,7 @@ Vec3 DynamicsMeasurement::force(const CallTime& when, const device::DeviceReadin
   force_h_n[axis_] += ramp * excitation(in_turn_s);
   auto& track = tracks_[static_cast<std::size_t>(axis_)];
   keeps_ = ramp >= 1 && track.size() < track.capacity();
-  if (keeps_) track.push_back({time_s, pos_h_m[axis_], time_s, 0, when.took_s()});
+  if (keeps_) track.push_back({time_s, pos_h_m[axis_], time_s, 0, when.took_s(), 0});
   return force_h_n.cwiseMax(-config_.force_max_n).cwiseMin(config_.force_max_n);
 }
 
@@ -156,7 +156,7 @@ void DynamicsMeasurement::applied(const CallTime& when, const Vec3& force_h_n) n
   DynamicsSample& sample = tracks_[static_cast<std::size_t>(axis_)].back();
   sample.force_time_s = when.middle_s();
   sample.force_n = force_h_n[axis_];
-  sample.unsure_s = std::max(sample.unsure_s, when.took_s());
+  sample.command_took_s = when.took_s();
 }
 
 }  // namespace telenano::calibration

@@ -480,6 +480,33 @@ TEST_F(OmegaTest, CalibrationRefusesAHandThatHoldsOn) {
   EXPECT_EQ(sdk_.force_n(), 0);
 }
 
+TEST_F(OmegaTest, CalibrationWaitsForAHandleThatIsNotYetCalibrated) {
+  sdk_->calibrated = 0;
+  const std::string pipe = path("enter");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  ChildProcess wizard(
+      {"/bin/sh", "-c", "exec " + kMaster + " calibrate --dynamics --out " + path("d.toml") + " <" + pipe});
+  std::ofstream enter(pipe);
+  enter << "\n" << std::flush;
+  ASSERT_TRUE(wizard.wait_for_err("The device is not calibrated", kLong)) << wizard.err();
+  EXPECT_THAT(wizard.err(), ::testing::Not(HasSubstr("measuring")));
+  sdk_->calibrated = 1;
+  std::this_thread::sleep_for(Milliseconds(200));  // until the status is looked at
+  enter << "\n" << std::flush;
+  EXPECT_TRUE(wizard.wait_for_err("measuring", kLong)) << wizard.err();
+  wizard.signal(SIGINT);
+  ASSERT_TRUE(wizard.wait(kLong)) << wizard.err();
+  EXPECT_EQ(wizard.exit_code(), 1);
+  EXPECT_EQ(sdk_.force_n(), 0);
+}
+
+TEST_F(OmegaTest, CalibrationEndsWithItsInput) {
+  const Finished run = run_program({"/bin/sh", "-c", kMaster + " calibrate --dynamics </dev/null"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("calibrate: end of input; nothing was written"));
+  EXPECT_EQ(sdk_->open, 0);
+}
+
 TEST_F(OmegaTest, CalibrationThatLosesTheDeviceSaysSo) {
   sdk_->mass_kg = 0.3;
   sdk_->damping_n_s_m = 0.8;

@@ -1,8 +1,6 @@
 #include "telenano/master/app/devices/calibrate_command.h"
 
 #include <fmt/format.h>
-#include <poll.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -18,6 +17,7 @@
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/master/app/devices/calibration.h"
 #include "telenano/master/app/devices/dynamics_text.h"
+#include "telenano/master/app/devices/enter_key.h"
 #include "telenano/master/app/devices/measure_dynamics.h"
 #include "telenano/master/app/devices/session_device.h"
 #include "telenano/master/app/station_file.h"
@@ -62,11 +62,9 @@ class Handle {
       if (reading.status == device::DeviceStatus::kFailed)
         throw RunError(fmt::format("calibrate: {}", device::force_off_text(reading.cause)));
       if (reading.status != device::DeviceStatus::kHoming) seen(reading.hand_pos_h_m);
-      if (!entered()) continue;
+      if (!enter_pressed(1)) continue;
       if (reading.status != device::DeviceStatus::kHoming) return reading.hand_pos_h_m;
-      fmt::print(stderr,
-                 "The device is not calibrated: move its handle to its calibration point (or start with "
-                 "--home), then press Enter.\n");
+      fmt::print(stderr, "{}\n", kNotCalibratedYet);
     }
   }
   Vec3 until_enter() {
@@ -74,15 +72,6 @@ class Handle {
   }
 
  private:
-  /// Waits a millisecond at most.
-  static bool entered() {
-    pollfd input{STDIN_FILENO, POLLIN, 0};
-    if (::poll(&input, 1, 1) <= 0) return false;
-    char c = 0;
-    if (::read(STDIN_FILENO, &c, 1) != 1) throw RunError("calibrate: end of input; nothing was written");
-    return c == '\n';
-  }
-
   device::HapticDevice& device_;
   const std::atomic<bool>& stop_;
   rt::SteadyClock clock_;
@@ -155,9 +144,11 @@ void calibrate_dynamics(const CalibrateOptions& options) {
         "The handle will move by itself for {:.0f} s, up to 3 cm each way, with at most {:g} N an axis.\n"
         "Put it near the middle of its range, let go of it, keep hands off until the end, press Enter.\n",
         3 * (config.seconds_per_axis + 1), config.force_max_n);
-    Handle(opened).until_enter();
   }
-  const DeviceDynamics axes = measure_dynamics(*opened.device, opened.calls, config);
+  constexpr int kWait_ms = 20;
+  const DeviceDynamics axes = measure_dynamics(
+      *opened.device, opened.calls, config,
+      sim ? std::function<bool()>() : [] { return enter_pressed(kWait_ms); });
   fmt::print(stderr, "{}", dynamics_table(axes));
   const double certain_n_s_m = certain_damping_n_s_m(axes);
   if (certain_n_s_m > 0) {

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -16,6 +17,7 @@
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/master/app/devices/device_monitor.h"
+#include "telenano/master/app/devices/enter_key.h"
 #include "telenano/master/app/stop_signals.h"
 
 namespace telenano::app {
@@ -53,7 +55,8 @@ class Loop {
   Loop(device::HapticDevice& device, const calibration::MeasurementConfig& config)
       : device_(device), measurement_(config), period_ns_(std::llround(1e9 / config.rate_hz)) {}
 
-  void run(const std::atomic<bool>& stopped) noexcept {
+  /// Zero force until begin(), so that a device's watchdog hears of it from its first force on; then the measurement.
+  void run(const std::atomic<bool>& stopped, const std::stop_token& stop) noexcept {
     const bool real_time = device_.info().moves_by_itself;
     rt::PeriodicTimer timer({.period_ns = period_ns_});
     const rt::SteadyClock clock;
@@ -69,9 +72,12 @@ class Loop {
       last_ns = read_ns;
       device_.read(reading_);
       const CallTime read = since(read_ns, now_ns());
-      if (stopped.load(std::memory_order_relaxed) || refused_.load(std::memory_order_relaxed))
+      status_.store(reading_.status, std::memory_order_relaxed);
+      if (stopped.load(std::memory_order_relaxed) || refused_.load(std::memory_order_relaxed) ||
+          stop.stop_requested())
         measurement_.stop();
-      const Vec3 force_h_n = measurement_.force(read, reading_);
+      const Vec3 force_h_n =
+          begun_.load(std::memory_order_relaxed) ? measurement_.force(read, reading_) : Vec3::Zero();
       const std::int64_t write_ns = now_ns();
       const Vec3 shown_h_n = device_.write_force(force_h_n);
       measurement_.applied(since(write_ns, now_ns()), shown_h_n);
@@ -88,6 +94,9 @@ class Loop {
     return {1e-9 * static_cast<double>(begin_ns), 1e-9 * static_cast<double>(end_ns)};
   }
 
+  void begin() noexcept { begun_.store(true, std::memory_order_relaxed); }
+  /// As of the last tick.
+  device::DeviceStatus status() const noexcept { return status_.load(std::memory_order_relaxed); }
   bool over() const noexcept { return over_.load(std::memory_order_acquire); }
   /// Grows while it runs; 0 once it is over.
   std::uint64_t ticks() const noexcept { return over() ? 0 : ticks_.load(std::memory_order_relaxed); }
@@ -104,6 +113,8 @@ class Loop {
   DynamicsMeasurement measurement_;
   std::int64_t period_ns_;
   device::DeviceReading reading_;
+  std::atomic<bool> begun_{false};
+  std::atomic<device::DeviceStatus> status_{device::DeviceStatus::kOk};
   std::atomic<int> percent_{0};
   std::atomic<int> complete_{0};
   std::atomic<bool> refused_{false};
@@ -121,7 +132,8 @@ std::string why_it_ended(const Loop& loop) {
 }  // namespace
 
 DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::CallWatch* calls,
-                                const calibration::MeasurementConfig& config) {
+                                const calibration::MeasurementConfig& config,
+                                const std::function<bool()>& is_ready) {
   const std::atomic<bool>& stop = catch_stop_signals();
   Loop loop(device, config);
   ProgressLine progress;
@@ -140,7 +152,7 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
     if (!why_not.empty()) loop.refuse();
   };
   {
-    rt::RealtimeThread thread({}, [&](const std::stop_token&) { loop.run(stop); });
+    rt::RealtimeThread thread({}, [&](const std::stop_token& token) { loop.run(stop, token); });
     // Why there is no force is the measurement's own end to tell.
     std::optional<DeviceMonitor> monitor;
     if (device.info().moves_by_itself) {
@@ -150,9 +162,19 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
             fmt::print(stderr, "{}telenano-master: warning: {}\n", progress.line_end(), text);
           });
     }
+    const auto give_up_if_stuck = [&] {
+      if (stop.load() && monitor && monitor->stuck_ns() > kGiveUpStuckNs) end_without_loop(calls);
+    };
+    while (is_ready && !loop.over()) {
+      give_up_if_stuck();
+      if (!is_ready()) continue;
+      if (loop.status() != device::DeviceStatus::kHoming) break;
+      fmt::print(stderr, "{}\n", kNotCalibratedYet);
+    }
+    loop.begin();
     while (!loop.over()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
-      if (stop.load() && monitor && monitor->stuck_ns() > kGiveUpStuckNs) end_without_loop(calls);
+      give_up_if_stuck();
       progress.show(loop.percent());
       judge();
     }

@@ -218,6 +218,49 @@ TEST(AxisDynamics, BearsAProcessorThatIsTakenAwayWithinATick) {
   EXPECT_GT(off, std::fabs(found.damping_n_s_m.value - 0.8));
 }
 
+// Ten seconds on a machine whose hypervisor takes its processors away for 6 to 14 ms three times a second, in the calls too.
+TEST(AxisDynamics, BearsAMachineThatPausesOften) {
+  device::PlantConfig fine = free_device(0.3, 0.8, 0.02, 1e-5);
+  fine.period_s = 1e-4;
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    SCOPED_TRACE(seed);
+    device::Plant plant(fine);
+    MeasurementConfig settings;
+    settings.seconds_per_axis = 10;
+    DynamicsMeasurement measurement(settings);
+    device::DeviceReading reading;
+    std::mt19937_64 random(seed);
+    std::bernoulli_distribution is_taken_away(1e-3);
+    std::uniform_int_distribution<int> tenths_ms(60, 140);
+    Vec3 force_n = Vec3::Zero();
+    int step = 0;
+    const auto pass = [&](int steps) {
+      for (int i = 0; i < steps; ++i, ++step) plant.advance(force_n, Vec3::Zero());
+    };
+    const auto maybe_pause = [&] {
+      if (is_taken_away(random)) pass(tenths_ms(random));
+    };
+    const auto now_s = [&] { return step * fine.period_s; };
+    while (measurement.end() == MeasurementEnd::kRunning && measurement.axis() == 0) {
+      const double begin_s = now_s();
+      reading.hand_pos_h_m = plant.encoder_pos_m();
+      maybe_pause();
+      const Vec3 next_n = measurement.force({begin_s, now_s()}, reading);
+      maybe_pause();
+      const double write_s = now_s();
+      force_n = next_n;
+      maybe_pause();
+      measurement.applied({write_s, now_s()}, force_n);
+      pass(10);
+    }
+    const AxisDynamics found = identify_axis(measurement.track(0));
+    EXPECT_EQ(found.verdict, DynamicsVerdict::kGood) << verdict_text(found.verdict);
+    EXPECT_NEAR(found.mass_kg.value, 0.3, 0.01 * 0.3);
+    EXPECT_NEAR(found.damping_n_s_m.value, 0.8, 0.05 * 0.8);
+    EXPECT_LT(found.damping_n_s_m.low, 1.005 * 0.8);
+  }
+}
+
 // Whoever holds on adds damping: taken for the device's, it would be a promise that nobody keeps.
 TEST(AxisDynamics, RefusesAHandThatHoldsOn) {
   for (const double grip_n_m : {30.0, 300.0, 3000.0}) {
@@ -258,6 +301,15 @@ TEST(AxisDynamics, RefusesTooLittle) {
   const std::span<const DynamicsSample> track = measurement.track(0);
   EXPECT_EQ(identify_axis(track.first(1)).verdict, DynamicsVerdict::kTooShort);
   EXPECT_EQ(identify_axis(track.first(5000)).verdict, DynamicsVerdict::kTooShort);
+  // A pause of 30 ms each half second, by sight or by command, leaves no window.
+  std::vector<DynamicsSample> with_pauses;
+  std::vector<DynamicsSample> with_hung_commands(track.begin(), track.end());
+  for (std::size_t i = 0; i < track.size(); ++i) {
+    if (i % 500 >= 30) with_pauses.push_back(track[i]);
+    if (i % 500 == 0) with_hung_commands[i].command_took_s = 0.03;
+  }
+  EXPECT_EQ(identify_axis(with_pauses).verdict, DynamicsVerdict::kTooShort);
+  EXPECT_EQ(identify_axis(with_hung_commands).verdict, DynamicsVerdict::kTooShort);
 }
 
 TEST(AxisDynamics, EveryVerdictHasItsWords) {
