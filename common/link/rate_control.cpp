@@ -12,6 +12,8 @@ constexpr std::int64_t kBlockNs = 10'000'000'000;  // of the base: one to two of
 constexpr double kTargetNs = 4e6;                  // and the time between two datagrams, and jitter
 constexpr double kJitters = 3;
 constexpr double kJitterMostNs = 12e6;
+constexpr double kJitterMostReorderedNs = 60e6;
+constexpr double kReorders = 0.02;             // of the replies late: no queue does that
 constexpr double kJitterMostWithBulkNs = 4e6;  // pieces between two replies look like jitter
 constexpr double kDoubleLeastNs = 20e6;        // of the start
 constexpr double kDrainNs = 100e6;             // β = 1 − q/this
@@ -74,6 +76,7 @@ void RateControl::reset() noexcept {
   starts_ = config_.adapts;
   reason_ = config_.adapts ? RateReason::kStart : RateReason::kFixed;
   jitter_ns_ = 0;
+  late_share_ = 0;
   held_down_ = false;
   credit_ = 1;
   last_income_ = 0;
@@ -124,6 +127,7 @@ void RateControl::note_base(std::int64_t now_ns, std::int64_t rtt_ns) noexcept {
 void RateControl::on_reply(std::int64_t now_ns, std::int64_t rtt_ns, const ReplyNumbers& reply) noexcept {
   news_ns_ = now_ns;
   waits_since_ns_ = -1;
+  late_share_ -= late_share_ / kLateReplies;
   // Another session counts from 1 again.
   const bool another = newest_.command == 0 || reply.command < newest_.command;
   exchanges_ += another || reply.left_out <= newest_.left_out ? 1 : 1 + reply.left_out - newest_.left_out;
@@ -131,7 +135,8 @@ void RateControl::on_reply(std::int64_t now_ns, std::int64_t rtt_ns, const Reply
     note_base(now_ns, rtt_ns);
     if (count_ > 0) {
       const auto change_ns = static_cast<double>(rtt_ns - sample_[(count_ - 1) % kSamples].rtt_ns);
-      jitter_ns_ += (std::abs(change_ns) - jitter_ns_) / 16;
+      jitter_ns_ +=
+          (std::abs(change_ns) - jitter_ns_) / static_cast<double>(std::min<std::size_t>(count_, 16));
     }
     sample_[count_++ % kSamples] = {now_ns, rtt_ns, exchanges_};
   }
@@ -143,6 +148,15 @@ void RateControl::on_reply(std::int64_t now_ns, std::int64_t rtt_ns, const Reply
     return;
   }
   arrived_ = std::min(arrived_ + 1, newest_.sequence - first_.sequence);
+}
+
+bool RateControl::reorders() const noexcept {
+  return late_share_ > kReorders;
+}
+
+double RateControl::jitter_most_ns(std::int64_t now_ns) const noexcept {
+  if (reorders()) return kJitterMostReorderedNs;
+  return fetches(now_ns) ? kJitterMostWithBulkNs : kJitterMostNs;
 }
 
 /// Is the least round trip of the window above the base by more than the target? Sets queue_ns_.
@@ -161,8 +175,7 @@ bool RateControl::standing(std::int64_t now_ns) noexcept {
     return false;
   }
   queue_ns_ = std::max(0.0, static_cast<double>(least) - base_ns());
-  const double jitter_most_ns = fetches(now_ns) ? kJitterMostWithBulkNs : kJitterMostNs;
-  return queue_ns_ > kTargetNs + 1e9 / rate_hz_ + std::min(jitter_most_ns, kJitters * jitter_ns_);
+  return queue_ns_ > kTargetNs + 1e9 / rate_hz_ + std::min(jitter_most_ns(now_ns), kJitters * jitter_ns_);
 }
 
 double RateControl::delivered_hz(std::int64_t now_ns) const noexcept {
@@ -199,14 +212,17 @@ void RateControl::lower(std::int64_t now_ns, double rate_hz, RateReason reason) 
   loss_since_ns_ = now_ns;
 }
 
-/// Of the commands so many were accepted, and of their replies that were sent so many came.
+/// Of the commands so many were accepted, and of their replies that were sent so many came. On a path that reorders what was
+/// not accepted may have been overtaken.
 void RateControl::look_for_loss(std::int64_t now_ns) noexcept {
   const std::uint64_t asked = newest_.command - first_.command;
   const std::uint64_t sent = newest_.sequence - first_.sequence;
   if (now_ns - loss_since_ns_ < kLossWindowNs || asked < kLossLeast || sent == 0) return;
   const double accepted = static_cast<double>(std::min(newest_.accepted() - first_.accepted(), asked));
-  const double loss =
-      1 - accepted * static_cast<double>(arrived_) / (static_cast<double>(asked) * static_cast<double>(sent));
+  const double back = static_cast<double>(arrived_) / static_cast<double>(sent);
+  const double there = reorders() ? std::max(back, accepted / static_cast<double>(asked))
+                                  : accepted / static_cast<double>(asked);
+  const double loss = 1 - there * back;
   loss_ = loss;
   first_ = newest_;
   arrived_ = 0;
@@ -311,7 +327,8 @@ void RateControl::update(std::int64_t now_ns) noexcept {
         bulk_begins_ = false;
         if (!rests_) {
           const double beta = std::clamp(1 - queue_ns_ / kDrainNs, kBetaLeast, kBetaMost);
-          roof_hz_ = std::min(rate_hz_, delivered_hz(now_ns));
+          // Of what was overtaken nothing tells that it was carried.
+          roof_hz_ = reorders() ? rate_hz_ : std::min(rate_hz_, delivered_hz(now_ns));
           lower(now_ns, beta * roof_hz_, RateReason::kQueue);
           spares_replies_ = true;
           spared_share_ = down();

@@ -47,7 +47,9 @@ struct ReplyNumbers {
 /// between two datagrams, and three times the mean change from one round trip to the next, at most 12 ms. The
 /// second part is what another station's datagrams on the same wire add without a queue, and lets whoever
 /// sends less give way later, so that shares become equal. The third is jitter: a queue of one's own making
-/// grows smoothly.
+/// grows smoothly. A path that reorders, as one whose jitter is another for each datagram, is no queue at all: there
+/// the third part may be 60 ms, and a command that another had overtaken, which a server drops, is not taken for lost: of
+/// the way there nothing is known then, and it is taken to lose what the way back does, which is counted exactly.
 ///
 /// Start: 200 Hz, doubled each round trip (20 ms at least) until a queue stands or the rate is the full one:
 /// nobody floods a long link for as long as its first answer takes.
@@ -91,6 +93,7 @@ class RateControl {
   /// A reply that another had overtaken: late, but not lost.
   void on_late_reply() noexcept {
     if (arrived_ < newest_.sequence - first_.sequence) ++arrived_;
+    late_share_ += (1 - late_share_) / kLateReplies;
   }
 
   /// Once a tick, before anything is sent.
@@ -134,7 +137,11 @@ class RateControl {
   static constexpr std::size_t kSamples = 512;
   static constexpr std::int64_t kUnknown = INT64_MAX;
 
+  static constexpr double kLateReplies = 64;  // in the mean of their share
+
   double down() const noexcept;
+  bool reorders() const noexcept;
+  double jitter_most_ns(std::int64_t now_ns) const noexcept;
   void note_base(std::int64_t now_ns, std::int64_t rtt_ns) noexcept;
   bool standing(std::int64_t now_ns) noexcept;
   double delivered_hz(std::int64_t now_ns) const noexcept;
@@ -160,6 +167,7 @@ class RateControl {
   std::int64_t bulk_lowered_ns_ = 0;
   bool starts_ = false;
   double jitter_ns_ = 0;
+  double late_share_ = 0;  // of the last replies, those that another had overtaken
   bool ticked_ = false;
   std::int64_t ticked_ns_ = 0;
   // Replies of late, newest at (count_ − 1) % kSamples.

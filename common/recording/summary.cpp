@@ -88,7 +88,7 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("clock drift of the server", text("%+.1f ppm", s.clock_drift_ppm));
   add("age of the force p50 / p99 / max", text("%.2f / %.2f / %.2f ms", 1e-3 * s.force_age_us.p50,
                                                1e-3 * s.force_age_us.p99, 1e-3 * s.force_age_us.max));
-  add("commands lost",
+  add("commands lost or overtaken",
       text("%lld of %lld", static_cast<long long>(s.commands_lost), static_cast<long long>(s.commands_sent)));
   add("replies too late for play-out", text("%lld", static_cast<long long>(s.playout_late)));
   add("replies lost", text("%lld of %lld (%.2f %%)", static_cast<long long>(s.lost),

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::int64_t kWaitMinNs = 50'000'000;  // for what is late after the last command
 constexpr std::int64_t kWaitFactor = 4;          // of the slowest answer so far
+constexpr std::int64_t kAliveNs = 5'000'000;     // between commands that count no more
 
 double quantile_s(const std::vector<std::int64_t>& sorted_ns, double part) {
   const double rank = std::ceil(part * static_cast<double>(sorted_ns.size()));
@@ -33,6 +34,9 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
   std::vector<std::int64_t> round_trips_ns;
   std::int64_t slowest_ns = 0;
   std::int64_t next_ns = clock.now_ns();
+  std::int64_t last_sent_ns = next_ns;  // of those that count
+  std::uint64_t last = 0;
+  bool over = false;
   int sent = 0;
   for (;;) {
     std::int64_t now_ns = clock.now_ns();
@@ -42,6 +46,9 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
       const std::int64_t came_ns = clock.now_ns() - received.age_ns;
       if (session.on_datagram(std::span(buffer).first(received.size), came_ns) != link::ClientEvent::kReply)
         continue;
+      // Earlier answers than this one are late, and no answers any more.
+      over = over || (sent == count && session.reply().command_sequence >= last);
+      if (sent == count && session.reply().command_sequence > last) continue;
       const auto round_trip_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(came_ns) -
                                                            session.reply().command_send_time_ns);
       if (round_trip_ns < 0 || round_trip_ns > timeout_ns + period_ns * count) continue;  // no echo of ours
@@ -50,23 +57,26 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
     }
     if (stop) throw RunError("stopped while the link was measured");
     if (!session.has_session()) throw RunError("the server ended the session while the link was measured");
-    if (sent < count && now_ns >= next_ns) {
+    if (over) break;
+    // More of them until the last answer is here: one may be lost, and a server takes silence for the end of the session.
+    if (now_ns >= next_ns) {
       link::Command command;
       command.tip_pos_w_nm = session.welcome().start_pos_w_nm;
       command.flags = link::kFlagHandOver;  // who measures need not hold a shared tip
       now_ns = clock.now_ns();
       const std::size_t size = session.make_command(command, now_ns, buffer);
       socket.send(std::span<const std::uint8_t>(buffer).first(size), server);
-      ++sent;
-      next_ns = now_ns + period_ns;
+      if (sent < count) {
+        ++sent;
+        last = command.sequence;
+        last_sent_ns = now_ns;
+      }
+      next_ns = now_ns + (sent < count ? period_ns : std::max(period_ns, kAliveNs));
     }
-    if (sent == count) {
-      const std::int64_t patience_ns =
-          round_trips_ns.empty() ? timeout_ns : std::max(kWaitMinNs, kWaitFactor * slowest_ns);
-      const bool all = round_trips_ns.size() >= static_cast<std::size_t>(count);
-      if (all || now_ns - (next_ns - period_ns) > patience_ns) break;
-    }
-    way.wait_readable(sent < count ? std::max<std::int64_t>(next_ns - clock.now_ns(), 1) : 1'000'000);
+    const std::int64_t patience_ns =
+        round_trips_ns.empty() ? timeout_ns : std::max(kWaitMinNs, kWaitFactor * slowest_ns);
+    if (sent == count && now_ns - last_sent_ns > patience_ns) break;
+    way.wait_readable(std::max<std::int64_t>(next_ns - clock.now_ns(), 1));
   }
   if (round_trips_ns.empty())
     throw RunError(

@@ -17,7 +17,8 @@ struct LinkDelay {
 };
 
 /// Measures an established session with `count` idle commands (clutch open: the tip holds where it is), one a
-/// period. Waits for late answers a few times as long as the slowest took. Throws RunError when none comes
+/// period, and goes on with such commands until an answer to the last of them, or to a later one, has come: for a few times as
+/// long as the slowest took at most. Throws RunError when none comes
 /// within `timeout_s` or the server ends the session, and on `stop`.
 LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
                        double rate_hz, int count, double timeout_s, const std::atomic<bool>& stop);

@@ -124,7 +124,7 @@ class StationAtThePythonServer(unittest.TestCase):
         self.assertGreater(session.deadband.left_out, 0.3 * len(commands))
         said = re.search(r"replies left out +(\d+) of (\d+)", child.said())
         self.assertLessEqual(abs(int(said.group(1)) - session.deadband.left_out), 40)
-        lost = re.search(r"commands lost +(\d+) of (\d+)", child.said())
+        lost = re.search(r"commands lost or overtaken +(\d+) of (\d+)", child.said())
         self.assertEqual(lost.group(1), "0", child.said())
 
     def test_a_restarted_server_goes_on_in_a_new_epoch(self):

@@ -30,6 +30,15 @@ double summary(const std::string& out, const std::string& row, const std::string
   return std::nan("");
 }
 
+/// Where a relay listens, once it does.
+std::string address_of(ChildProcess& relay) {
+  const std::string before = "relay on 127.0.0.1:";
+  EXPECT_TRUE(relay.wait_for_err(before, kLong)) << relay.err();
+  EXPECT_TRUE(relay.wait_for_err("\n", kLong));
+  const std::string said = relay.err();
+  return "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size()));
+}
+
 // The relay's model inside the station: the same session, on a link that is worse by what was asked for.
 TEST_F(ProgramsTest, APracticeLinkIsAsBadAsAskedFor) {
   Server server(scene_path("flat_silicon_oxide"));
@@ -52,12 +61,7 @@ TEST_F(ProgramsTest, ASessionOverDelayLossAndDuplicatesEndsWell) {
   Server server(scene_path("flakes"), 0, {"--no-scene-sharing"});
   ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--delay-ms", "20",
                       "--loss", "0.05", "--duplicate", "0.1", "--seed", "7"});
-  const std::string before = "relay on 127.0.0.1:";
-  ASSERT_TRUE(relay.wait_for_err(before, kLong)) << relay.err();
-  ASSERT_TRUE(relay.wait_for_err("\n", kLong));
-  const std::string said = relay.err();
-  const std::string address =
-      "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size()));
+  const std::string address = address_of(relay);
 
   const std::string file = path("relayed.h5");
   const Finished run = run_program({kMaster, "run", "--quiet", "--server", address, "--task", "indent",
@@ -123,12 +127,7 @@ TEST_F(ProgramsTest, AForceThatGrowsTooOldFadesAndComesBackByItself) {
   Server server(scene_path("flat_pdms"));
   ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--trace",
                       write("trace.csv", trace), "--quiet"});
-  const std::string before = "relay on 127.0.0.1:";
-  ASSERT_TRUE(relay.wait_for_err(before, kLong)) << relay.err();
-  ASSERT_TRUE(relay.wait_for_err("\n", kLong));
-  const std::string said = relay.err();
-  const std::string address =
-      "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size()));
+  const std::string address = address_of(relay);
   const Finished run = run_program(
       {kMaster, "run", "--server", address, "--method", "ks", "--allow-unsafe-scaling", "--duration-s", "12"},
       {}, kLong);
@@ -140,6 +139,34 @@ TEST_F(ProgramsTest, AForceThatGrowsTooOldFadesAndComesBackByItself) {
   ASSERT_NE(back, std::string::npos) << run.err;
   EXPECT_LT(held, back) << run.err;
   EXPECT_NE(run.err.find("engaged", back), std::string::npos) << run.err;
+}
+
+// What netem does: each datagram has a delay of its own, and some are lost. The measurement of the link waited for answers
+// that never came until the server had ended the session, and what was overtaken was taken for lost, down to 50 Hz.
+TEST_F(ProgramsTest, AJitteryLinkKeepsItsSessionAndItsRate) {
+  std::string why;
+  for (int attempt = 0; attempt < 3; ++attempt) {  // a machine that stands still can end a session
+    Server server(scene_path("flat_silicon_oxide"));
+    ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--delay-ms",
+                        "50", "--jitter-ms", "20", "--jitter", "half-normal", "--any-order", "--loss", "0.02",
+                        "--quiet", "--seed", std::to_string(attempt + 1)});
+    const std::string file = path("jittery.h5");
+    const Finished run =
+        run_program({kMaster, "run", "--quiet", "--server", address_of(relay), "--method", "tank", "--task",
+                     "indent", "--duration-s", "8", "--record", file, "--overwrite"},
+                    {}, kLong);
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    relay.signal(SIGTERM);
+    ASSERT_TRUE(relay.wait(kLong));
+    const std::string said = server.stop();
+    const recording::RecordingReader reader(file);
+    const double sent = reader.read("commands_sent").back();
+    double push_nn = 0;
+    for (const double force_nn : reader.read("force_w_nn", 2)) push_nn = std::max(push_nn, force_nn);
+    if (said.find("(0 resumed)") != std::string::npos && sent > 2500 && push_nn > 10) return;
+    why += said + "commands sent: " + std::to_string(sent) + ", push: " + std::to_string(push_nn) + " nN\n";
+  }
+  FAIL() << why;
 }
 
 TEST_F(ProgramsTest, ARelayWithNothingToDoEndsByItsTimeWithASummary) {

@@ -28,9 +28,10 @@ constexpr double kAskBytes = 40 + 28 + 37;
 struct Way {
   double kbit_s = 0;  ///< 0: no limit
   double queue_kib = 64;
-  double rtt_ms = 2;     ///< without a queue
-  double loss = 0;       ///< each way, at chance
-  double jitter_ms = 0;  ///< exponential, each way, never reordering
+  double rtt_ms = 2;       ///< without a queue
+  double loss = 0;         ///< each way, at chance
+  double jitter_ms = 0;    ///< exponential, each way
+  bool any_order = false;  ///< else what is late delays what is behind it
 };
 
 /// One direction: first in, first out. The oracle: what a queue is, in six lines.
@@ -68,7 +69,9 @@ class World {
     std::uint64_t leaves_out = 0;  ///< so many replies of each row of so many and one
     bool rests = false;            ///< the force: five of six, as long as the control asks for it
     std::uint64_t accepted = 0;
+    std::uint64_t newest_command = 0;
     std::uint64_t numbered = 0;
+    std::uint64_t newest_reply = 0;
     double bulk_from_ns = 1e18;  ///< pieces are fetched from then on
     double bulk_per_s = 0;       ///< 0: as the control says
     double bulk_credit = 0;
@@ -112,6 +115,13 @@ class World {
     return way_.jitter_ms > 0 ? -1e6 * way_.jitter_ms * std::log(1 - random_.uniform()) : 0;
   }
 
+  /// When it comes out of a pipe that it has gone through.
+  double out_ns(Pipe& pipe, double through_ns) {
+    const double out = through_ns + 0.5e6 * way_.rtt_ms + jitter_ns();
+    if (way_.any_order) return out;
+    return pipe.out_ns = std::max(pipe.out_ns, out);
+  }
+
   void tick(std::size_t i, double now) {
     Flow& f = flows[i];
     if (now > f.end_ns) return;
@@ -128,17 +138,21 @@ class World {
     const double bytes = kCommandBytes + kRepeatBytes * static_cast<double>(f.control.redundancy());
     const double through = up.send(now, bytes);
     if (through < 0 || random_.uniform() < way_.loss) return;
-    const double there = up.out_ns = std::max(up.out_ns, through + 0.5e6 * way_.rtt_ms + jitter_ns());
+    const double there = out_ns(up, through);
     at(there, [this, i, command, now](double arrival) {
       Flow& s = flows[i];
+      if (command < s.newest_command) return;  // overtaken: dropped, as a server does
+      s.newest_command = command;
       const bool spares = s.rests && s.control.reply_deadband_share() > 0;
       if (++s.accepted % (spares ? 6 : s.leaves_out + 1) != 0) return;
       const ReplyNumbers numbers{command, ++s.numbered, s.accepted - s.numbered};
       const double out = down.send(arrival, kReplyBytes);
       if (out < 0 || random_.uniform() < way_.loss) return;
-      const double back = down.out_ns = std::max(down.out_ns, out + 0.5e6 * way_.rtt_ms + jitter_ns());
+      const double back = out_ns(down, out);
       at(back, [this, i, numbers, now](double t4) {
         Flow& g = flows[i];
+        if (numbers.sequence < g.newest_reply) return g.control.on_late_reply();
+        g.newest_reply = numbers.sequence;
         ++g.got;
         g.control.on_reply(static_cast<std::int64_t>(t4), static_cast<std::int64_t>(t4 - now), numbers);
         if (on_rtt_) on_rtt_(i, t4, t4 - now);
@@ -314,6 +328,41 @@ TEST(RateControl, KeepsTheFullRateWhereNothingLimitsIt) {
       EXPECT_GE(sum / n, 0.98 * 1000) << jitter_ms << " ms, " << stall_every_s << " s";
     }
   }
+}
+
+// What netem and many radios do: each datagram has a delay of its own. Before, 20 ms left 70 Hz of 1000.
+TEST(RateControl, JitterThatReordersIsNeitherQueueNorLoss) {
+  for (const double rtt_ms : {4.0, 100.0}) {
+    for (const double jitter_ms : {1.0, 3.0, 5.0, 10.0, 20.0}) {
+      World world({0, 64, rtt_ms, 0, jitter_ms, true}, {flow()});
+      world.run(5e9);
+      double sum_hz = 0;
+      int n = 0;
+      for (double t = 5; t < 35; t += 0.01, ++n) {
+        world.run(t * 1e9);
+        sum_hz += world.flows[0].control.rate_hz();
+      }
+      EXPECT_GE(sum_hz / n, 750) << rtt_ms << " ms, jitter " << jitter_ms << " ms";
+    }
+  }
+}
+
+// A queue is seen on such a path too, and so are its losses.
+TEST(RateControl, APathThatReordersHasQueuesAndLossesToo) {
+  World fixed({1000, 64, 4, 0, 5, true}, {flow(1000, false)});
+  EXPECT_GT(watch(fixed, 5, 20).mean_ms, 400);
+  World world({1000, 64, 4, 0, 5, true}, {flow()});
+  const Seen seen = watch(world, 5, 30);
+  EXPECT_LE(seen.mean_ms, 40);
+  EXPECT_GE(seen.got_hz, 100);
+  World lossy({0, 64, 20, 0.3, 5, true}, {flow()});
+  lossy.run(3e9);
+  EXPECT_EQ(lossy.flows[0].control.reason(), RateReason::kLoss);
+  World chance({0, 64, 20, 0.05, 5, true}, {flow()});
+  chance.run(20e9);
+  EXPECT_EQ(chance.flows[0].control.lowered(), 0u);
+  std::printf("1 Mbit/s, reordering by 5 ms: mean round trip %.1f ms, worst %.1f, %.0f Hz\n", seen.mean_ms,
+              seen.worst_ms, seen.got_hz);
 }
 
 TEST(RateControl, SweepOfLinksKeepsDelayAndRate) {
