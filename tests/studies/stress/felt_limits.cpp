@@ -31,10 +31,10 @@ bool delivers(const RunSpec& spec) noexcept {
          spec.restart == Restart::kNever;
 }
 
-bool is_calm(const RunSpec& spec) noexcept {
+bool is_calm(const RunSpec& spec, bool with_acts = false) noexcept {
   const bool task = spec.hand == HandKind::kPress || spec.hand == HandKind::kContact ||
                     spec.hand == HandKind::kIndent || spec.hand == HandKind::kRaster;
-  const bool link = delivers(spec) && spec.act == Act::kNone &&
+  const bool link = delivers(spec) && (with_acts || spec.act == Act::kNone) &&
                     spec.playout == link::PlayoutConfig::Mode::kNewest && spec.deadband_nm == 0 &&
                     spec.deadband_n == 0 && spec.reply_permille == 0 &&
                     (has_twin(spec) ? suits_twin(spec) : spec.loss == 0 && spec.jitter == 0);
@@ -63,7 +63,13 @@ std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept {
       limits = {0.05, std::max(spec.rtt_ms, period_ms), 3};
       return limits;
     case control::Method::kModel: {
-      if (spec.rtt_ms > 20 || spec.scene > SceneKind::kScan) return std::nullopt;
+      if (spec.rtt_ms > 20) return std::nullopt;
+      if (spec.scene > SceneKind::kScan) {
+        // Friction and adhesion there are not its plane's; where a hand goes across, it drags the right way.
+        if (spec.hand != HandKind::kRaster) return std::nullopt;
+        limits.lateral = 0.8;
+        return limits;
+      }
       const bool still = spec.hand == HandKind::kPress;
       // Its plane is right where the hand presses in one place, and late by the hand's way on a scan. The
       // first touch comes when the server's does.
@@ -98,9 +104,37 @@ std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept {
   }
 }
 
+// Within a tenth where the right ones are within 0.04; `tank` and `ks-clamp` pay for forces five times as strong, and clamp.
+std::optional<ShareLimits> share_limits_of_acts(const RunSpec& spec) noexcept {
+  constexpr double kShortMs = 2;
+  const bool soft = spec.scene == SceneKind::kPdms || spec.scene == SceneKind::kPolystyrene;
+  const bool flat = soft || spec.scene == SceneKind::kOxide;
+  const bool in_one_place = spec.hand == HandKind::kPress || spec.hand == HandKind::kIndent;
+  if (!is_calm(spec, true) || spec.rtt_ms > kShortMs || spec.redundancy > 0 || spec.compand > 1)
+    return std::nullopt;
+  const bool pays = spec.method == control::Method::kKsClamp || spec.method == control::Method::kTank;
+  const bool shows = pays || spec.method == control::Method::kNone ||
+                     spec.method == control::Method::kModel || spec.method == control::Method::kTwin;
+  if (!shows || !flat || !in_one_place) return std::nullopt;
+  switch (spec.act) {
+    case Act::kScale:
+      if (!soft) return std::nullopt;
+      return ShareLimits{pays ? 0.5 : 0.9, 1.1};
+    case Act::kImpedance:
+    case Act::kTask:
+      return ShareLimits{0.85, 1.1};
+    case Act::kClutch:
+      return ShareLimits{0.8, 1.1};
+    default:
+      return std::nullopt;
+  }
+}
+
 std::optional<double> drift_limit_mm(const RunSpec& spec) noexcept {
   constexpr double kDriftMm = 0.1;  // 0.06 was the most, over a link that drops what does not flatter
-  const bool still = spec.hand != HandKind::kHuman && spec.act == Act::kNone;
+  // What a path with more jitter delays is not there yet when the hand has been at rest for what the link takes.
+  const bool in_time = 0.5 * spec.jitter * spec.rtt_ms <= 50;
+  const bool still = spec.hand != HandKind::kHuman && spec.act == Act::kNone && in_time;
   const bool exact = spec.scale <= 1 && spec.quantum_m == 0 && spec.deadband_nm == 0;
   // A log of steps that is cut takes its time to be taken up again.
   const bool whole = spec.method != control::Method::kTwin || (delivers(spec) && suits_twin(spec));

@@ -32,6 +32,13 @@ std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, double share,
 
 /// How far the tip may stand from where the hand has led it, when both are at rest at a run's end, mm of the hand; whatever
 /// the link has lost meanwhile. Nothing where the operator has acted, or where a position is not sent as it is.
+/// The share of the sample's force that the hand must feel once what the operator does has long been felt: of calm runs with
+/// acts, below what the device may show, on samples that are soft enough for that at every scale.
+struct ShareLimits {
+  double low = 0, high = 0;
+};
+std::optional<ShareLimits> share_limits_of_acts(const RunSpec& spec) noexcept;
+
 std::optional<double> drift_limit_mm(const RunSpec& spec) noexcept;
 
 }  // namespace telenano::studies::stress

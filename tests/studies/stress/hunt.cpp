@@ -91,6 +91,16 @@ std::vector<RunSpec> calm_ground() {
   RunSpec near = runs.front();
   near.rtt_ms = 0;
   runs.push_back(near);
+  // What the operator does besides, where the hand feels it.
+  for (const Act act : {Act::kClutch, Act::kStop, Act::kScale, Act::kImpedance}) {
+    RunSpec spec = near;
+    spec.scene = act == Act::kScale ? SceneKind::kPdms : SceneKind::kOxide;
+    spec.act = act;
+    runs.push_back(spec);
+  }
+  // Of a device with little damping the planned scale is the stiffest that is passive.
+  runs.push_back(runs.back());
+  runs.back().damping_n_s_m = 0.2;
   return runs;
 }
 

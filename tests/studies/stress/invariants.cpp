@@ -6,10 +6,10 @@
 namespace telenano::studies::stress {
 namespace {
 
-constexpr const char* kNames[kInvariants] = {"energy", "balance", "sums",    "force",    "slew",   "stale",
-                                             "leap",   "tip",     "finite",  "account",  "damper", "recover",
-                                             "repeat", "felt",    "lateral", "in-time",  "pull",   "refusal",
-                                             "record", "replies", "work",    "withdraw", "follow"};
+constexpr const char* kNames[kInvariants] = {
+    "energy",  "balance", "sums",    "force",    "slew",   "stale",   "leap",    "tip",  "finite",
+    "account", "damper",  "recover", "repeat",   "felt",   "lateral", "in-time", "pull", "refusal",
+    "record",  "replies", "work",    "withdraw", "follow", "lead",    "let-go",  "jump"};
 
 /// Rounding: 1e6 terms of some millijoules in long double here and in double there: below 1e-12 J; the
 /// product's own compensated sum against ours: a thousand times that.
@@ -55,7 +55,7 @@ std::uint32_t promised(control::Method method) noexcept {
   std::uint32_t all = (1u << kInvariants) - 1;
   if (!control::claims_energy_bound(method)) all &= ~(kInvariantEnergy | kInvariantBalance);
   if (method != control::Method::kTank) all &= ~kInvariantBalance;
-  if (method == control::Method::kKs) all &= ~kInvariantDamper;
+  if (method == control::Method::kKs) all &= ~(kInvariantDamper | kInvariantJump);
   return all;
 }
 
@@ -94,6 +94,10 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
         promised_extraction_j(limits_.method, limits_.allowance_j) + more_j - account.extracted_j();
     least_margin_j_ = std::min(least_margin_j_, margin_j);
     if (margin_j < 0) violate(kInvariantEnergy, time_s);
+    least_extracted_j_ = std::min(least_extracted_j_, account.extracted_j());
+    const double back_j =
+        limits_.store_j + promised_extraction_j(limits_.method, limits_.allowance_j) + more_j;
+    if (account.extracted_j() - least_extracted_j_ > back_j) violate(kInvariantEnergy, time_s);
     const double generated_j = account.extracted_j() + limits_.hand_j_per_aj * slave.net_in_aj;
     most_generated_j_ = std::max(most_generated_j_, generated_j);
     if (limits_.balance &&
@@ -134,9 +138,22 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
         violate(kInvariantLeap, time_s);
     }
     last_news_s_ = time_s;
+    if (first_news_s_ < 0) first_news_s_ = time_s;
   } else if (silent_s > limits_.stale_zero_s * (1 + 1e-9) && norm_n > 0) {
     violate(kInvariantStale, time_s);
   }
+  if (!news && limits_.stale_hold_s > 0 && silent_s > limits_.stale_hold_s &&
+      silent_s < limits_.stale_zero_s) {
+    // The station may have had the reply a tick later than the link.
+    const double part = (limits_.stale_zero_s - silent_s + latest_periods_ * limits_.period_s) /
+                        (limits_.stale_zero_s - limits_.stale_hold_s);
+    const double shown_n =
+        vec3(row.hand_force_rendered_h_n).norm() + row.damper_n_s_m * limits_.velocity_max_m_s;
+    if (norm_n > part * shown_n * (1 + 1e-6) + 1e-9) violate(kInvariantStale, time_s);
+  }
+  constexpr double kUntilKnownS = 0.5;  // the round trip is
+  if (limits_.too_long && first_news_s_ >= 0 && time_s - first_news_s_ > kUntilKnownS && norm_n > 0)
+    violate(kInvariantStale, time_s);
   latest_periods_ = std::max(latest_periods_, periods);
   const double alone_s = limits_.waits_s + latest_periods_ * limits_.period_s + limits_.stale_zero_s;
   if (time_s - last_came_s_ > alone_s * (1 + 1e-9) && norm_n > 0) violate(kInvariantStale, time_s);

@@ -16,7 +16,7 @@ namespace telenano::studies::stress {
 /// what the slave really did. Never by the product's own observer. Stored in tables: never renumber.
 enum Invariant : std::uint32_t {
   /// Energy: extracted(k) = ΣF(k−1)·Δx − bΣ|Δx|²/T ≤ 2E₀ (one-port methods: E₀) + (U₀ − U_min) + Q + late,
-  /// while |v| ≤ v_max. U₀ − U_min: passes_on_the_well(); with `twin` the scene's, once. late: a tick
+  /// while |v| ≤ v_max; and after the least that it ever was, no more than the store besides. U₀ − U_min: passes_on_the_well(); with `twin` the scene's, once. late: a tick
   /// that comes k periods late may
   /// overdraw once by (k−1)|F|·v_max·T.
   kInvariantEnergy = 1u << 0,
@@ -27,7 +27,8 @@ enum Invariant : std::uint32_t {
   /// |F| grows by no more than slew·T a tick along its new direction, also where stop, clamp or force limit
   /// act: they can only take away. How often they act is counted.
   kInvariantSlew = 1u << 4,
-  /// No force later than stale_zero_s after the last new reply; where replies wait to be shown, after the
+  /// No force later than stale_zero_s after the last new reply, from stale_hold_s on less with each tick, and none at
+  /// all over a link that is too long for the method; where replies wait to be shown, after the
   /// last that was shown, which is no later after it came than the longest wait and the longest late tick.
   kInvariantStale = 1u << 5,
   kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most
@@ -57,13 +58,17 @@ enum Invariant : std::uint32_t {
   kInvariantWithdraw = 1u << 21,
   /// Hand and tip at rest, the tip is where the hand has led it.
   kInvariantFollow = 1u << 22,
+  kInvariantLead = 1u << 23,  ///< the hand leads the target, and it alone (lead_watch.h)
+  kInvariantLetGo =
+      1u << 24,  ///< neither motion nor force for a hand that has let go, or has stopped (lead_watch.h)
+  kInvariantJump = 1u << 25,  ///< what the operator changes makes no step of the force (lead_watch.h)
 };
-constexpr int kInvariants = 23;
+constexpr int kInvariants = 26;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 
 /// What a method is held to. All are held to all but: `none`, `ks`, `tdpa`, `wave` promise no energy (they
-/// are baselines: their violations are shown as they are), `ks` no cap of its damper.
+/// are baselines: their violations are shown as they are), `ks` no cap of its damper, nor that it comes by the ramp.
 std::uint32_t promised(control::Method method) noexcept;
 
 /// 2E₀, or E₀ for methods that promise it of one port (`ks-clamp`, `model`, `twin`), J.
@@ -83,6 +88,10 @@ class InvariantWatch {
     double force_limit_n = 0;
     double slew_n_s = 4000;
     double stale_zero_s = 0.1;
+    double stale_hold_s = 0;  ///< from then on it fades; 0: not checked
+    bool too_long = false;    ///< the link is: no force is shown
+    /// What was put in and may come back: no more than this after the most that was ever in; infinite: not checked.
+    double store_j = std::numeric_limits<double>::infinity();
     double ramp_s = 0.2;
     double tip_limit_nn = 0;
     double damper_cap_n_s_m = 0;
@@ -132,6 +141,8 @@ class InvariantWatch {
   std::uint32_t violated_ = 0;
   double first_s_ = -1;
   double late_j_ = 0;
+  double least_extracted_j_ = 0;
+  double first_news_s_ = -1;
   double least_margin_j_ = 1e300;
   double most_generated_j_ = 0;
   Vec3 last_h_n_ = Vec3::Zero();

@@ -110,6 +110,37 @@ TEST(Invariants, AWellIsAllowedToThoseOnlyThatPassItOn) {
   }
 }
 
+TEST(Invariants, NoMoreComesBackThanTheStoreHolds) {
+  for (const bool beyond : {false, true}) {
+    Bench bench;
+    bench.limits.balance = false;
+    bench.limits.store_j = 0.05;
+    // 0.22 mJ a tick are put in; 60 mJ at most come back, 0.18 mJ a tick.
+    for (int k = 0; k < 1000; ++k) bench.tick(2, -1e-4);
+    for (int k = 0; k < (beyond ? 334 : 333); ++k) bench.tick(2, 1e-4);
+    EXPECT_EQ(bench.violated(), beyond ? kInvariantEnergy : 0u);
+  }
+}
+
+TEST(Invariants, AForceFadesFromTheHoldTimeOn) {
+  Bench holds;
+  holds.limits.stale_hold_s = 0.02;
+  for (int k = 0; k < 10; ++k) holds.tick(1);
+  for (int k = 0; k < 21; ++k) holds.tick(1, 0, 1, false);
+  EXPECT_EQ(holds.violated(), 0u) << invariant_names(holds.violated());
+  for (int k = 0; k < 5; ++k) holds.tick(1, 0, 1, false);
+  EXPECT_EQ(holds.violated(), kInvariantStale);
+}
+
+TEST(Invariants, NoForceOverALinkThatIsTooLong) {
+  for (const double force_n : {0.0, 0.01}) {
+    Bench bench;
+    bench.limits.too_long = true;
+    for (int k = 0; k < 600; ++k) bench.tick(k < 499 ? 0.01 : force_n);
+    EXPECT_EQ(bench.violated(), force_n > 0 ? kInvariantStale : 0u);
+  }
+}
+
 TEST(Invariants, ALateTickMayOverdrawOnce) {
   Bench bench;
   bench.limits.method = Method::kTank;

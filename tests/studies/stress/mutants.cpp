@@ -195,13 +195,20 @@ class HalfForce final : public Around {
   Vec3 force_h_n(const RenderPoint& at) noexcept override { return 0.5 * right().force_h_n(at); }
 };
 
-/// A device that does not do what it is told; it reports what it really applies, as every device must.
+/// A device that does not do what it is told; it reports what it really applies, as every device must. Or one that is right, and
+/// not what a wrong station makes of it.
 class MutantDevice final : public support::VirtualHand {
  public:
   MutantDevice(std::shared_ptr<support::VirtualHand> right, Mutant mutant)
       : right_(std::move(right)), mutant_(mutant) {}
   const device::DeviceInfo& info() const noexcept override { return right_->info(); }
-  void read(device::DeviceReading& reading) noexcept override { right_->read(reading); }
+  void read(device::DeviceReading& reading) noexcept override {
+    right_->read(reading);
+    if (mutant_ == Mutant::kStationHoldsClutch) reading.buttons &= ~std::uint32_t{device::kButtonClutch};
+    if (mutant_ == Mutant::kStationHoldsStop) reading.buttons &= ~std::uint32_t{device::kButtonStop};
+    if (mutant_ == Mutant::kStationFar) reading.hand_pos_h_m *= 1.1;
+    if (mutant_ == Mutant::kStationSwapped) std::swap(reading.hand_pos_h_m.x(), reading.hand_pos_h_m.y());
+  }
   Vec3 write_force(const Vec3& force_h_n) noexcept override {
     Vec3 wrong_h_n = force_h_n;
     const double norm_n = force_h_n.norm();
@@ -223,6 +230,7 @@ class MutantDevice final : public support::VirtualHand {
 }  // namespace
 
 MutantInfo mutant_info(Mutant mutant) noexcept {
+  if (mutant >= Mutant::kStationHoldsClutch) return {mutant, Method::kModel};
   if (mutant == Mutant::kHeldWave) return {mutant, Method::kWave};
   if (mutant == Mutant::kFreeTank) return {mutant, Method::kTank};
   if (mutant == Mutant::kCreditedDamping || mutant == Mutant::kNoClamp || mutant == Mutant::kHalfVelocity ||
@@ -286,6 +294,10 @@ std::shared_ptr<support::VirtualHand> with_mutant(std::shared_ptr<support::Virtu
     case Mutant::kStickyForce:
     case Mutant::kLeapOnResume:
     case Mutant::kDoubleForce:
+    case Mutant::kStationHoldsClutch:
+    case Mutant::kStationHoldsStop:
+    case Mutant::kStationFar:
+    case Mutant::kStationSwapped:
       return std::make_shared<MutantDevice>(std::move(device), mutant);
     default:
       return device;

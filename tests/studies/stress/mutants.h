@@ -9,7 +9,7 @@
 namespace telenano::studies::stress {
 
 /// Controllers that are wrong in ways in which they have been got wrong before; a suite that does not find
-/// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices, as
+/// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices (and what the station makes of them), as
 /// slaves (wrong_slave.h), as twins (wrong_twin.h), as what is between server and station (wrong_wire.h: codec, session, reply gate), as
 /// recorders (record_watch.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
 ///
@@ -77,6 +77,14 @@ namespace telenano::studies::stress {
 /// | twin-one-way | twin: on the way out 1.3 times as strong, so that it gives energy |
 /// | record-energy | recorder: the hand's energy without the sign of what came out |
 /// | record-force | recorder: the sample's force a thousandth too large, x the wrong way round |
+/// | station-holds-clutch | station: follows the hand and pushes it while the clutch is held |
+/// | station-holds-stop | station: goes on when it is stopped |
+/// | station-far | station: leads the tip a tenth further than it should |
+/// | station-swapped | station: x for y of the hand |
+/// | station-old-scale | station: another scale is said to be in use, and is not |
+/// | station-old-force | station: another scale of motions is, that of forces is not |
+/// | station-too-stiff | station: accepts any scale, passive or not |
+/// | slave-slow | slave: withdraws at a fiftieth of its speed |
 /// | ks-half, clamp-half, tdpa-half, wave-half | `ks`, `ks-clamp`, `tdpa`, `wave`: half of the force |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;

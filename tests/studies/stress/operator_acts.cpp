@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace telenano::studies::stress {
 namespace {
@@ -39,6 +40,7 @@ OperatorActs::OperatorActs(const RunSpec& spec, support::VirtualSession& session
       act_(spec.act),
       method_(spec.method),
       scaling_(session.station().config().scaling),
+      chosen_(scaling_),
       session_(session),
       station_(session.station()),
       hand_(hand) {
@@ -54,9 +56,26 @@ OperatorActs::OperatorActs(const RunSpec& spec, support::VirtualSession& session
   rival_ = std::make_unique<support::VirtualSession>(rival);
 }
 
+/// Colgate and Brown's condition, b > KT/2 + |B|, without any delay, of what the slave's coupling is in the hand.
+bool OperatorActs::too_stiff(const control::Scaling& scaling) const noexcept {
+  const link::Welcome& slave = session_.client().welcome();
+  const double shown =
+      0.5 * slave.coupling_stiffness_n_m / spec_.rate_hz + std::fabs(slave.coupling_damping_n_s_m);
+  return spec_.scale <= 1 && scaling.impedance() * shown > spec_.damping_n_s_m;
+}
+
 void OperatorActs::change_scale(double velocity, double force) noexcept {
   const control::Scaling before = station_.config().scaling;
-  if (station_.change_scaling({scaling_.velocity * velocity, scaling_.force * force})) return;
+  const control::Scaling wanted{scaling_.velocity * velocity, scaling_.force * force};
+  control::Scaling used = wanted;
+  if (spec_.mutant == Mutant::kStationOldScale) used = before;
+  if (spec_.mutant == Mutant::kStationOldForce) used.force = before.force;
+  if (station_.change_scaling(used)) {
+    chosen_ = wanted;
+    changed_now_ = rescaled_now_ = true;
+    accepted_too_stiff_ = accepted_too_stiff_ || too_stiff(wanted);
+    return;
+  }
   ++refused_;
   const control::Scaling& after = station_.config().scaling;
   refusal_changed_ = refusal_changed_ || after.velocity != before.velocity || after.force != before.force;
@@ -68,14 +87,24 @@ void OperatorActs::take_over(bool rival) noexcept {
   rival_->loop().set_tip_wish(rival ? link::kFlagTakeOver : link::kFlagHandOver);
 }
 
+double OperatorActs::quiet_s(double t_s) const noexcept {
+  if (act_ == Act::kNone || done_ == 0) return std::numeric_limits<double>::infinity();
+  const bool holds = act_ == Act::kClutch || act_ == Act::kStop || act_ == Act::kTakeOver;
+  return t_s - kActEveryS * done_ - (holds ? kClutchS : 0);
+}
+
 void OperatorActs::step(double t_s) noexcept {
+  changed_now_ = rescaled_now_ = false;
   if (act_ == Act::kNone) return;
   const double since_s = t_s - kActEveryS * done_;
   const bool holds = done_ > 0 && since_s < kClutchS;
   if (act_ == Act::kClutch) hand_.hold_buttons(holds ? std::uint32_t{device::kButtonClutch} : 0u);
   if (act_ == Act::kStop) {
     hand_.hold_buttons(0);
-    if (!holds) station_.clear_stop();
+    if (!holds) {
+      station_.clear_stop();
+      stopped_ = false;
+    }
   }
   if (act_ == Act::kTakeOver) {
     handed_over_ += station_.holds_tip() != held_;
@@ -89,21 +118,23 @@ void OperatorActs::step(double t_s) noexcept {
     case Act::kScale:
       return change_scale(odd ? 1 / kRescale : 1, odd ? kRescale : 1);
     case Act::kImpedance:
-      if (!station_.config().allow_unsafe_scaling)
-        change_scale(1, kTooStrong);  // refused, where it is too stiff
+      if (spec_.scale <= 1) change_scale(1, kTooStrong);  // refused, where it is too stiff
       return change_scale(1, odd ? kWeaker : 1);
     case Act::kMethod: {
       using control::Method;
       const std::array<Method, 4> turn = {method_, Method::kTank, Method::kModel, Method::kKsClamp};
+      changed_now_ = true;
       return station_.change_method(turn[static_cast<std::size_t>(done_) % turn.size()]);
     }
     case Act::kClutch:
       return hand_.hold_buttons(device::kButtonClutch);
     case Act::kStop:
+      stopped_ = true;
       return hand_.hold_buttons(device::kButtonStop);
     case Act::kTask: {
       control::CompandingConfig companding = station_.config().companding;
       companding.gain = odd ? most_gain(spec_) : 1;
+      changed_now_ = true;
       station_.change_companding(companding);
       return;
     }

@@ -51,6 +51,18 @@ class OperatorActs {
     if (rival_) rival_->step(periods);
   }
 
+  /// What the operator has chosen, as far as it was not refused.
+  const control::Scaling& scaling() const noexcept { return chosen_; }
+  /// Scale, method or task were changed before this tick.
+  bool changed_now() const noexcept { return changed_now_; }
+  bool rescaled_now() const noexcept { return rescaled_now_; }
+  /// So long ago was the last act, and the end of what it holds.
+  double quiet_s(double t_s) const noexcept;
+  /// Stopped and not cleared yet.
+  bool stopped() const noexcept { return stopped_; }
+  /// A scale that cannot be passive was accepted.
+  bool accepted_too_stiff() const noexcept { return accepted_too_stiff_; }
+
   /// Changes of scale that the station refused, as it does beyond what is passive.
   std::int64_t refused() const noexcept { return refused_; }
   /// A refusal must leave everything as it was.
@@ -60,13 +72,14 @@ class OperatorActs {
 
  private:
   void change_scale(double velocity, double force) noexcept;
+  bool too_stiff(const control::Scaling& scaling) const noexcept;
 
   void take_over(bool rival) noexcept;
 
   RunSpec spec_;
   Act act_;
   control::Method method_;
-  control::Scaling scaling_;
+  control::Scaling scaling_, chosen_;
   support::VirtualSession& session_;
   station::Station& station_;
   StressHand& hand_;
@@ -75,6 +88,7 @@ class OperatorActs {
   bool held_ = true;
   std::int64_t refused_ = 0;
   bool refusal_changed_ = false;
+  bool changed_now_ = false, rescaled_now_ = false, stopped_ = false, accepted_too_stiff_ = false;
   std::int64_t handed_over_ = 0;
 };
 

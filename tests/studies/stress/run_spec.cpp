@@ -90,7 +90,15 @@ constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "tdpa-half",
                                                                      "wave-half",
                                                                      "record-energy",
-                                                                     "record-force"};
+                                                                     "record-force",
+                                                                     "station-holds-clutch",
+                                                                     "station-holds-stop",
+                                                                     "station-far",
+                                                                     "station-swapped",
+                                                                     "station-old-scale",
+                                                                     "station-old-force",
+                                                                     "station-too-stiff",
+                                                                     "slave-slow"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},

@@ -43,11 +43,7 @@ class StressHand final : public support::VirtualHand {
   const device::DeviceInfo& info() const noexcept override { return info_; }
   void read(device::DeviceReading& reading) noexcept override {
     reading.status = device::DeviceStatus::kOk;
-    reading.hand_pos_h_m = pos_h_m_;
-    const double q_m = config_.quantum_m;
-    if (q_m > 0) {
-      for (double& x : reading.hand_pos_h_m) x = std::floor(x / q_m + 0.5) * q_m;
-    }
+    reading.hand_pos_h_m = encoder_h_m();
     reading.buttons = device::kButtonDeadman | held_;
   }
   /// device::ButtonBits besides the dead-man's.
@@ -76,6 +72,15 @@ class StressHand final : public support::VirtualHand {
   const std::vector<double>& path_m() const noexcept { return path_m_; }
   const TrueAccount& account() const noexcept { return account_; }
   const Vec3& pos_h_m() const noexcept { return pos_h_m_; }
+  Vec3 encoder_h_m() const noexcept {
+    const double q_m = config_.quantum_m;
+    Vec3 shown_h_m = pos_h_m_;
+    if (q_m > 0) {
+      for (double& x : shown_h_m) x = std::floor(x / q_m + 0.5) * q_m;
+    }
+    return shown_h_m;
+  }
+  std::uint32_t held_buttons() const noexcept { return held_; }      ///< as hold_buttons() was told
   const Vec3& applied_h_n() const noexcept { return applied_h_n_; }  ///< until the next tick
   bool started() const noexcept { return started_; }
   bool too_fast() const noexcept { return too_fast_; }

@@ -14,6 +14,7 @@
 #include "tests/studies/stress/felt_limits.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"
+#include "tests/studies/stress/lead_watch.h"
 #include "tests/studies/stress/mutants.h"
 #include "tests/studies/stress/operator_acts.h"
 #include "tests/studies/stress/record_watch.h"
@@ -23,13 +24,16 @@
 #include "tests/studies/stress/wrong_twin.h"
 #include "tests/studies/stress/wrong_wire.h"
 #include "tests/support/virtual_session.h"
+#include "tests/support/wall_slave.h"
 
 namespace telenano::studies::stress {
 namespace {
 
 constexpr double kMargin = 0.99;  // of the planned scale within its bound
+constexpr double kMovedM = 2e-5;  // a target at rest; a fifth of what is asked of the tip (drift_limit_mm)
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kForceMaxN = 12;
+constexpr double kShownN = 0.75 * kForceMaxN;  // below the station's own limit
 constexpr double kStopS = 0.02;  // of station and server, until a stop that has come does something
 constexpr double kSilenceS = 1e-9 * link::SessionTableConfig{}.timeout_ns;
 constexpr double kWallHeightNm = 5;  // of the tip over the wall at the start
@@ -56,6 +60,7 @@ class LocalTouch {
   LocalTouch(const RunSpec& spec, const Scenes& scenes, double force_scale)
       : judged_(felt_limits(spec).has_value()),
         level_(is_task(spec.hand) && spec.scene != SceneKind::kScan),
+        acts_(spec.act != Act::kNone),
         slave_(judged_ || level_ ? scenes.make(spec.scene, kWallHeightNm) : nullptr),
         nve_(dynamic_cast<const slave::NveSlave*>(slave_.get())),
         n_per_nn_(1e-9 * force_scale) {
@@ -64,8 +69,10 @@ class LocalTouch {
     if (judged_)
       trace_.rows.reserve(static_cast<std::size_t>((spec.seconds + 6e-3 * spec.rtt_ms + 3) * spec.rate_hz));
   }
-  void add(const recording::Sample& row, double dt_s) {
+  /// `force_scale`: that the operator has chosen. `settled`: what the operator did last has long been felt.
+  void add(const recording::Sample& row, double dt_s, double force_scale, bool settled) {
     if (!slave_) return;
+    n_per_nn_ = 1e-9 * force_scale;
     slave::SlaveInput input;
     constexpr std::uint32_t kEngaged = 2;
     input.follow = row.station_mode == kEngaged;
@@ -78,7 +85,8 @@ class LocalTouch {
                              touches});
     if (!level_) return;
     most_nn_ = std::max(most_nn_, output_.force_w_nn.norm());
-    if (!input.follow || !touches) return;
+    if (!input.follow || !touches || !settled) return;
+    if (acts_ && n_per_nn_ * output_.force_w_nn.norm() > kShownN) return;  // more than the device may show
     const double ideal_n = n_per_nn_ * output_.force_w_nn.z(), shown_n = row.hand_force_applied_h_n[2];
     error2_ += (shown_n - ideal_n) * (shown_n - ideal_n);
     both_ += shown_n * ideal_n;
@@ -101,6 +109,7 @@ class LocalTouch {
  private:
   bool judged_;  ///< felt_limits() asks for the whole trace
   bool level_;   ///< sums of the normal force mean something
+  bool acts_;    ///< the operator does, and not only the hand
   std::unique_ptr<slave::Slave> slave_;
   const slave::NveSlave* nve_;  ///< of slave_; null: another kind
   control::CompandingConfig companding_;
@@ -148,8 +157,10 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
                                              const std::shared_ptr<ReplyWatch>& replies, double force_scale) {
   support::VirtualSessionConfig session;
   session.scene = scenes.file(spec.scene);
-  session.make_slave = [&scenes, kind = spec.scene, mutant = spec.mutant, watch] {
-    return std::make_unique<WatchedSlave>(scenes.make(kind, kWallHeightNm), watch, mutant);
+  const double rise_nm_s = session.scene ? session.scene->limits.retract_speed_nm_s
+                                         : support::WallSlaveConfig{}.retract_speed_nm_s;
+  session.make_slave = [&scenes, kind = spec.scene, mutant = spec.mutant, watch, rise_nm_s] {
+    return std::make_unique<WatchedSlave>(scenes.make(kind, kWallHeightNm), watch, mutant, rise_nm_s);
   };
   if (make_mutant_method(spec)) session.make_method = [spec] { return make_mutant_method(spec); };
   const bool wrong_gate = WrongWire::is_gate(spec.mutant);
@@ -175,7 +186,7 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
     };
   session.station.rate_hz = spec.rate_hz;
   session.station.scaling = {spec.velocity_scale, force_scale};
-  session.station.allow_unsafe_scaling = spec.scale > 1;
+  session.station.allow_unsafe_scaling = spec.scale > 1 || spec.mutant == Mutant::kStationTooStiff;
   session.station.companding.gain = spec.compand;
   session.server_drift_ppm = spec.drift_ppm;
   session.seed = spec.seed;
@@ -210,6 +221,10 @@ InvariantWatch::Limits invariant_limits(const RunSpec& spec, const support::Virt
   what.force_limit_n = station.force_safety * kForceMaxN;
   what.slew_n_s = station.slew_n_s;
   what.stale_zero_s = station.stale_zero_s;
+  if (!config.twin && spec.playout == link::PlayoutConfig::Mode::kNewest)
+    what.stale_hold_s = station.stale_hold_s;
+  what.store_j =
+      (what.method == control::Method::kTank || spec.act == Act::kMethod ? 2 : 1) * station.store_max_j;
   if (config.twin) {
     // A twin needs no reply to be right, for as long as the slave itself would go on following. Its well is
     // the scene's, once in the station's life.
@@ -231,6 +246,9 @@ InvariantWatch::Limits invariant_limits(const RunSpec& spec, const support::Virt
   // What the slave's joules are worth changes with the scale; the two sides then have no common account.
   what.balance = spec.method == control::Method::kTank && spec.act == Act::kNone;
   what.hand_j_per_aj = station.scaling.hand_energy_j(1) * OperatorActs::most_energy_scale(spec.act);
+  what.too_long = !config.twin && spec.act == Act::kNone && spec.jitter == 0 &&
+                  spec.restart == Restart::kNever &&
+                  1e-3 * spec.rtt_ms > 1.02 * station.age_most_s(what.method);
   if (spec.act == Act::kMethod) what.method = control::Method::kTank;  // the most that one of them promises
   what.waits_s = 1e-3 * playout_longest_ms(spec);
   const double way_s = 0.5e-3 * spec.rtt_ms;
@@ -245,6 +263,48 @@ InvariantWatch::Limits invariant_limits(const RunSpec& spec, const support::Virt
   if (faults.clean_besides() && shows && spec.act == Act::kNone)
     what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   return what;
+}
+
+LeadWatch::Limits lead_limits(const station::StationConfig& station, double period_s) {
+  LeadWatch::Limits limits;
+  limits.period_s = period_s;
+  limits.fade_s = station.stale_zero_s - station.stale_hold_s;
+  limits.ramp_s = station.engage_ramp_s;
+  limits.damper_m_s = station.guaranteed_velocity_m_s;
+  return limits;
+}
+
+/// `hand_h_m` and `buttons`: when the tick began. `waits`: replies do, until they are shown. `steady`: between two ticks the
+/// force changes by what the hand and the operator do, and by nothing that waited or was late.
+LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession& session,
+                          const OperatorActs& acts, const Vec3& hand_h_m, std::uint32_t buttons, int periods,
+                          bool waits, bool steady) {
+  constexpr std::uint32_t kEngaged = 2;
+  const link::Welcome& welcome = session.client().welcome();
+  LeadWatch::Tick tick;
+  tick.time_s = row.time_s;
+  tick.periods = periods;
+  tick.hand_h_m = hand_h_m;
+  tick.target_w_nm = vec3(row.tip_target_w_nm);
+  tick.force_h_n = vec3(row.hand_force_applied_h_n);
+  tick.rendered_h_n = vec3(row.hand_force_rendered_h_n);
+  tick.damper_n_s_m = row.damper_n_s_m;
+  tick.velocity_scale = acts.scaling().velocity;
+  tick.rescaled = acts.rescaled_now();
+  // Of a shared tip a reply that waits to be shown says where it was put.
+  tick.put_anywhere = (welcome.feature_bits & link::kFeatureSharing) != 0 && waits;
+  tick.engaged = row.station_mode == kEngaged;
+  tick.clutch = (buttons & device::kButtonClutch) != 0;
+  tick.stopped = acts.stopped();
+  tick.acted = acts.changed_now() && steady;
+  tick.sessions = static_cast<std::int64_t>(session.client().sessions());
+  tick.logs = (welcome.feature_bits & link::kFeatureStepLog) != 0;
+  tick.begins_w_nm = welcome.start_pos_w_nm;
+  tick.lowest_w_nm = welcome.workspace_min_w_nm;
+  tick.highest_w_nm = welcome.workspace_max_w_nm;
+  tick.tip_w_nm = vec3(row.tip_pos_w_nm);
+  tick.held_w_nm = session.client().reply().tip.pos_w_nm;
+  return tick;
 }
 
 }  // namespace
@@ -295,6 +355,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   watch->keeps_said = one_server(spec);
   WrongRecorder recorder(spec.mutant);
 
+  LeadWatch lead(lead_limits(session.station().config(), session.period_s()));
   const PressTimes press = press_times(spec.seconds);
   Outcome outcome;
   LocalTouch local(spec, scenes, force_scale);
@@ -305,6 +366,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   std::int64_t moved = 0;
   double stop_after_s = std::numeric_limits<double>::infinity();
   double now_s = 0;
+  double rests_at_w_nm = 0, rests_since_s = 0;
   for (std::int64_t k = 0; k < first_ticks && moved < ticks && now_s < stop_after_s; ++k, ++done) {
     const int periods = faults.periods();
     if (hand->started()) acts.step(session.period_s() * static_cast<double>(moved));
@@ -313,6 +375,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.q_before_j = hand->account().quantum_bound_j();
     around.periods = periods;
     const Vec3 began_h_m = hand->pos_h_m();
+    const Vec3 seen_h_m = hand->encoder_h_m();
+    const std::uint32_t buttons = hand->held_buttons();
     const recording::Sample& row = session.step(periods);
     if (const recording::Sample* const kept = recorder(row); kept != nullptr) {
       const bool counted =
@@ -333,8 +397,20 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     if (hand->started()) moved += periods;
     const double t_s = session.period_s() * static_cast<double>(moved);
     faults.step(row, *hand, *watch, t_s, invariants);
-    local.add(row, session.period_s() * periods);
-    if (acts.refusal_changed_something()) invariants.violate(kInvariantRefusal, now_s);
+    local.add(row, session.period_s() * periods, acts.scaling().force,
+              acts.quiet_s(t_s) > 0.3 + 2e-3 * spec.rtt_ms);
+    lead.look(lead_tick(row, session, acts, seen_h_m, buttons, periods, what.waits_s > 0,
+                        what.waits_s == 0 && spec.late == 0 && is_task(spec.hand)));
+    if (!lead.leads()) invariants.violate(kInvariantLead, now_s);
+    if (!lead.lets_go()) invariants.violate(kInvariantLetGo, now_s);
+    if (!lead.is_smooth()) invariants.violate(kInvariantJump, now_s);
+    if (acts.refusal_changed_something() || acts.accepted_too_stiff())
+      invariants.violate(kInvariantRefusal, now_s);
+
+    if (std::fabs(row.tip_target_w_nm[2] - rests_at_w_nm) * ground.metres_per_nm > kMovedM) {
+      rests_at_w_nm = row.tip_target_w_nm[2];
+      rests_since_s = now_s;
+    }
 
     const double force_n = row.hand_force_applied_h_n[2];
     hash.add(force_n);
@@ -383,9 +459,14 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     if (const std::uint32_t wrong = felt_violations(outcome.felt, local.ratio(), *asked))
       invariants.violate(wrong, now_s);
   }
+  if (const auto share = share_limits_of_acts(spec);
+      share && (local.ratio() < share->low || local.ratio() > share->high))
+    invariants.violate(kInvariantFelt, now_s);
   // Hand and tip have been at rest for longer than the link takes: what is left between them is drift.
-  const bool at_rest = is_task(spec.hand) && outcome.stopped_s < 0 && !faults.down() &&
-                       session.loop().trace().mode == station::Mode::kEngaged;
+  const double arrives_s =
+      0.3 + 1e-3 * (2 * spec.rtt_ms * (1 + spec.jitter) + (spec.loss > 0 ? 3 * spec.burst_ms : 0));
+  const bool at_rest = is_task(spec.hand) && now_s - rests_since_s > arrives_s && outcome.stopped_s < 0 &&
+                       !faults.down() && session.loop().trace().mode == station::Mode::kEngaged;
   outcome.drift_mm = at_rest
                          ? 1e3 * ground.metres_per_nm *
                                (watch->commanded_w_nm.z() - session.loop().trace().tip_target_pos_w_nm.z())

@@ -34,14 +34,20 @@ struct SlaveWatch {
   bool keeps_said = false;      ///< all that the slave has ever said, where that is asked for:
   std::vector<Vec3> said_w_nn;  ///< the force after each step
   bool sums_are_work = true;    ///< of each slave (port_watch.h)
-  bool rises = false;           ///< the commanded end goes up, or is where it can go no higher
+  bool rises = false;  ///< the commanded end goes up as fast as it should, or is where it can go no higher
 };
 
 /// A slave that is watched; and one that is wrong, where that is asked for.
 class WatchedSlave final : public slave::Slave {
  public:
-  WatchedSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<SlaveWatch> watch, Mutant mutant)
-      : inner_(std::move(inner)), watch_(std::move(watch)), wrong_(mutant), port_(inner_->limits().well_aj) {}
+  /// `rise_nm_s`: how fast it says that it withdraws.
+  WatchedSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<SlaveWatch> watch, Mutant mutant,
+               double rise_nm_s)
+      : inner_(std::move(inner)),
+        watch_(std::move(watch)),
+        wrong_(mutant),
+        port_(inner_->limits().well_aj),
+        rise_nm_s_(rise_nm_s) {}
 
   void step(const slave::SlaveInput& told, double dt_s, slave::SlaveOutput& output) noexcept override {
     slave::SlaveInput input = told;
@@ -51,7 +57,9 @@ class WatchedSlave final : public slave::Slave {
     SlaveWatch& w = *watch_;
     port_.step(output);
     w.sums_are_work = w.sums_are_work && port_.is_true();
-    w.rises = output.commanded_pos_w_nm.z() > commanded_z_w_nm_ ||
+    constexpr double kOfItsSpeed = 0.5;  // at the least
+    const double risen_nm = output.commanded_pos_w_nm.z() - commanded_z_w_nm_;
+    w.rises = (risen_nm > 0 && risen_nm >= kOfItsSpeed * rise_nm_s_ * dt_s) ||
               output.commanded_pos_w_nm.z() >= inner_->limits().workspace_max_w_nm.z();
     commanded_z_w_nm_ = output.commanded_pos_w_nm.z();
     w.commanded_w_nm = output.commanded_pos_w_nm;
@@ -86,6 +94,7 @@ class WatchedSlave final : public slave::Slave {
   std::shared_ptr<SlaveWatch> watch_;
   WrongSlave wrong_;
   PortWatch port_;
+  double rise_nm_s_;
   double commanded_z_w_nm_ = 0;
   bool touches_ = false;
   double in_aj_ = 0, out_aj_ = 0;

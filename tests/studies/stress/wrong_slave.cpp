@@ -41,6 +41,11 @@ void WrongSlave::before(const slave::SlaveLimits& limits, double dt_s, slave::Sl
       input.retract = false;
       input.follow = false;
       return;
+    case Mutant::kSlaveSlow:
+      if (!input.retract || withdrawals_++ % 50 == 0) return;
+      input.retract = false;
+      input.follow = false;
+      return;
     case Mutant::kSlaveDrifts:
       if (!input.follow || input.retract || !sums_) {
         summed_w_nm_ = to;

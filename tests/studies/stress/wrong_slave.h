@@ -24,6 +24,7 @@ class WrongSlave {
   std::array<Vec3, kLateSteps> late_;
   std::size_t at_ = 0;
   double passed_s_ = 0;
+  int withdrawals_ = 0;
   double touching_s_ = 0;
   double free_s_ = 1e9;
   Vec3 held_w_nn_ = Vec3::Zero();
