@@ -42,6 +42,12 @@ bool is_calm(const RunSpec& spec, bool with_acts = false) noexcept {
   return task && link && station;
 }
 
+void ask_across(FeltLimits& limits, double lateral, double share_low, double share_high) noexcept {
+  limits.lateral = lateral;
+  limits.lateral_share_low = share_low;
+  limits.lateral_share_high = share_high;
+}
+
 }  // namespace
 
 // The figures are what the right methods do in the quick and full profiles, times one and a half to three; a
@@ -52,22 +58,25 @@ std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept {
   const bool no_twin = spec.method == control::Method::kTwin && !has_twin(spec);
   const double period_ms = 1e3 / spec.rate_hz;
   FeltLimits limits;
+  const bool near = spec.rtt_ms <= 2;  // over a longer way a hand that goes across feels what is behind it
   switch (no_twin ? control::Method::kModel : spec.method) {
     case control::Method::kNone:
       // The slave's own force, the same to the bit, a round trip later. Beyond 50 ms the hand bounces.
       if (spec.rtt_ms > 50) return std::nullopt;
       limits = {1e-6, std::max(spec.rtt_ms, period_ms), 1.5 * period_ms};
+      if (near) ask_across(limits, 0.9, 0.9, 1.1);
       return limits;
     case control::Method::kTank:
       if (spec.rtt_ms > 20) return std::nullopt;  // beyond that its clamp acts
       limits = {0.05, std::max(spec.rtt_ms, period_ms), 3};
+      if (near) ask_across(limits, 0.9, 0.9, 1.1);
       return limits;
     case control::Method::kModel: {
       if (spec.rtt_ms > 20) return std::nullopt;
       if (spec.scene > SceneKind::kScan) {
         // Friction and adhesion there are not its plane's; where a hand goes across, it drags the right way.
         if (spec.hand != HandKind::kRaster) return std::nullopt;
-        limits.lateral = 0.8;
+        ask_across(limits, 0.8, 0.75, 1.15);
         return limits;
       }
       const bool still = spec.hand == HandKind::kPress;
@@ -80,24 +89,28 @@ std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept {
       return limits;
     }
     case control::Method::kTwin:
-      limits = {0.02, 0, 2, 0.02, 0.99};
+      limits = {0.02, 0, 2, 0.02};
+      ask_across(limits, 0.99, 0.97, 1.03);
       return limits;
     case control::Method::kKs:
     case control::Method::kKsClamp:
       if (spec.rtt_ms > 20) return std::nullopt;
       limits.share_low = 0.7;
       limits.share_high = 1.02;
+      if (near) ask_across(limits, 0.9, 0.8, 1.1);
       return limits;
     case control::Method::kTdpa:
       if (spec.rtt_ms > 2) return std::nullopt;
       limits.share_low = 0.75;
       limits.share_high = 1.02;
+      ask_across(limits, 0.8, 0.7, 1.4);
       return limits;
     case control::Method::kWave:
       // What is reflected at the line's ends takes most away where a touch is short, or the line long.
       if (spec.rtt_ms > 0 || spec.hand == HandKind::kContact) return std::nullopt;
       limits.share_low = 0.45;
       limits.share_high = 1.02;
+      ask_across(limits, 0.6, 0.45, 1.3);
       return limits;
     default:
       return std::nullopt;
@@ -135,7 +148,7 @@ std::optional<double> drift_limit_mm(const RunSpec& spec) noexcept {
   // What a path with more jitter delays is not there yet when the hand has been at rest for what the link takes.
   const bool in_time = 0.5 * spec.jitter * spec.rtt_ms <= 50;
   const bool still = spec.hand != HandKind::kHuman && spec.act == Act::kNone && in_time;
-  const bool exact = spec.scale <= 1 && spec.quantum_m == 0 && spec.deadband_nm == 0;
+  const bool exact = spec.scale <= 1 && spec.quantum_m == 0;
   // A log of steps that is cut takes its time to be taken up again.
   const bool whole = spec.method != control::Method::kTwin || (delivers(spec) && suits_twin(spec));
   // Waves hold positions only as well as forces; a slave that pays for its moves stays behind where what was sent
@@ -143,22 +156,25 @@ std::optional<double> drift_limit_mm(const RunSpec& spec) noexcept {
   const bool by_position = spec.method != control::Method::kWave && spec.method != control::Method::kTdpa &&
                            (spec.method != control::Method::kTank || spec.restart == Restart::kNever);
   if (!still || !exact || !whole || !by_position) return std::nullopt;
-  return kDriftMm;
+  // Less than the deadband is not sent: of the tip, at the hand.
+  return kDriftMm + 1e-6 * spec.deadband_nm / spec.velocity_scale;
 }
 
-std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, double share,
+std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, const FeltShares& shares,
                               const FeltLimits& limits) noexcept {
   // Nothing to be felt, nothing to be wrong.
   if (!(felt.true_rms_n > fidelity::kJudgedN)) return 0;
   std::uint32_t violated = 0;
   const double off = std::isnan(felt.nrmse_at_lag) ? felt.nrmse : felt.nrmse_at_lag;
   if (std::isfinite(limits.nrmse) && !(off <= limits.nrmse)) violated |= kInvariantFelt;
-  if (share < limits.share_low || share > limits.share_high) violated |= kInvariantFelt;
+  if (shares.normal < limits.share_low || shares.normal > limits.share_high) violated |= kInvariantFelt;
   if (std::isfinite(limits.lag_by) && !(std::fabs(felt.lag_ms - limits.lag_ms) <= limits.lag_by))
     violated |= kInvariantInTime;
   if (std::fabs(felt.pull_off_error) > limits.pull) violated |= kInvariantPull;
-  if (felt.true_lateral_rms_n > kLateralJudgedN && std::isfinite(limits.lateral) &&
-      !(felt.lateral_correlation >= limits.lateral))
+  if (!(felt.true_lateral_rms_n > kLateralJudgedN)) return violated;
+  if (std::isfinite(limits.lateral) && !(felt.lateral_correlation >= limits.lateral))
+    violated |= kInvariantLateral;
+  if (shares.lateral < limits.lateral_share_low || shares.lateral > limits.lateral_share_high)
     violated |= kInvariantLateral;
   return violated;
 }

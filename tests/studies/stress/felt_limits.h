@@ -15,19 +15,24 @@ namespace telenano::studies::stress {
 /// that clamp or damp a calm touch, too: of them only the share of the force that is felt is asked.
 struct FeltLimits {
   static constexpr double kAny = std::numeric_limits<double>::infinity();
-  double nrmse = kAny;       ///< at the lag that fits best
-  double lag_ms = 0;         ///< of felt behind true,
-  double lag_by = kAny;      ///< give or take, ms
-  double pull = kAny;        ///< relative error of the pull-off
-  double lateral = -kAny;    ///< least correlation of the lateral force
-  double share_low = -kAny;  ///< normal force that is felt over the true one, on level ground
-  double share_high = kAny;  ///< likewise
+  double nrmse = kAny;               ///< at the lag that fits best
+  double lag_ms = 0;                 ///< of felt behind true,
+  double lag_by = kAny;              ///< give or take, ms
+  double pull = kAny;                ///< relative error of the pull-off
+  double lateral = -kAny;            ///< least correlation of the lateral force
+  double lateral_share_low = -kAny;  ///< of the lateral force over the true one
+  double lateral_share_high = kAny;  ///< likewise
+  double share_low = -kAny;          ///< normal force that is felt over the true one, on level ground
+  double share_high = kAny;          ///< likewise
 };
 /// Nothing: of this run no such thing is asked.
 std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept;
 
-/// Invariant bits: felt, lateral, in-time, pull. `share`: of the normal force; NaN where it means nothing.
-std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, double share,
+/// Invariant bits: felt, lateral, in-time, pull. Shares, of the normal force and of the lateral one: NaN where they mean nothing.
+struct FeltShares {
+  double normal = 0, lateral = 0;
+};
+std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, const FeltShares& shares,
                               const FeltLimits& limits) noexcept;
 
 /// How far the tip may stand from where the hand has led it, when both are at rest at a run's end, mm of the hand; whatever

@@ -83,7 +83,8 @@ TEST(FeltLimits, TheTipIsWhereTheHandHasLedIt) {
   EXPECT_FALSE(drift_limit_mm(free));
   free = spec;
   free.deadband_nm = 0.1;
-  EXPECT_FALSE(drift_limit_mm(free));
+  EXPECT_NEAR(*drift_limit_mm(free), *drift_limit_mm(spec) + 0.1, 1e-12)
+      << "a nanometre of the tip is a millimetre of the hand";
   for (const control::Method method :
        {control::Method::kTwin, control::Method::kTank, control::Method::kTdpa, control::Method::kWave}) {
     spec.method = method;
@@ -93,6 +94,27 @@ TEST(FeltLimits, TheTipIsWhereTheHandHasLedIt) {
   spec.restart = Restart::kNever;
   spec.method = control::Method::kTank;
   EXPECT_TRUE(drift_limit_mm(spec));
+  spec.rtt_ms = 500;
+  spec.jitter = 0.9;
+  EXPECT_FALSE(drift_limit_mm(spec)) << "still on the way";
+}
+
+TEST(FeltLimits, AfterAnActTheShareIsAskedWhereTheScaleCanBeShown) {
+  RunSpec spec = calm();
+  spec.rtt_ms = 0;
+  spec.hand = HandKind::kPress;
+  spec.scene = SceneKind::kPdms;
+  spec.method = control::Method::kModel;
+  EXPECT_FALSE(share_limits_of_acts(spec)) << "nothing is done";
+  spec.act = Act::kScale;
+  ASSERT_TRUE(share_limits_of_acts(spec));
+  EXPECT_GE(share_limits_of_acts(spec)->low, 0.9);
+  spec.scene = SceneKind::kOxide;
+  EXPECT_FALSE(share_limits_of_acts(spec)) << "five times as strong is more than the device shows";
+  spec.act = Act::kImpedance;
+  EXPECT_TRUE(share_limits_of_acts(spec));
+  spec.loss = 0.1;
+  EXPECT_FALSE(share_limits_of_acts(spec));
 }
 
 TEST(FeltLimits, EachRuleIsBrokenByWhatItIsAbout) {
@@ -106,32 +128,37 @@ TEST(FeltLimits, EachRuleIsBrokenByWhatItIsAbout) {
   right.lag_ms = 2;
   right.pull_off_error = 0.01;
   right.lateral_correlation = 0.999;
-  EXPECT_EQ(felt_violations(right, 1, limits), 0u);
+  EXPECT_EQ(felt_violations(right, {1, 1}, limits), 0u);
   auto wrong = right;
   wrong.nrmse_at_lag = 0.5;
-  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantFelt);
+  EXPECT_EQ(felt_violations(wrong, {1, 1}, limits), kInvariantFelt);
   wrong = right;
   wrong.lag_ms = 100;
-  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantInTime);
+  EXPECT_EQ(felt_violations(wrong, {1, 1}, limits), kInvariantInTime);
   wrong = right;
   wrong.pull_off_error = -1;
-  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantPull);
+  EXPECT_EQ(felt_violations(wrong, {1, 1}, limits), kInvariantPull);
   wrong = right;
   wrong.lateral_correlation = -1;
-  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantLateral);
+  EXPECT_EQ(felt_violations(wrong, {1, 1}, limits), kInvariantLateral);
   // No lateral force felt where there is one: no correlation is no excuse.
   wrong.lateral_correlation = fidelity::FeltMetrics::kNone;
-  EXPECT_EQ(felt_violations(wrong, 1, limits), kInvariantLateral);
+  EXPECT_EQ(felt_violations(wrong, {1, 1}, limits), kInvariantLateral);
   // No force at all: nothing correlates, and no lag fits.
   wrong = {};
   wrong.true_rms_n = wrong.nrmse = 1;
-  EXPECT_NE(felt_violations(wrong, 1, limits) & kInvariantFelt, 0u);
+  EXPECT_NE(felt_violations(wrong, {1, 1}, limits) & kInvariantFelt, 0u);
   // Half of the force, and a quarter too much of it.
-  EXPECT_EQ(felt_violations(right, 0.5, limits), kInvariantFelt);
-  EXPECT_EQ(felt_violations(right, 1.25, limits), kInvariantFelt);
-  EXPECT_EQ(felt_violations(right, std::nan(""), limits), 0u) << "ground that is not level";
+  EXPECT_EQ(felt_violations(right, {0.5, 1}, limits), kInvariantFelt);
+  EXPECT_EQ(felt_violations(right, {1.25, 1}, limits), kInvariantFelt);
+  EXPECT_EQ(felt_violations(right, {std::nan(""), 1}, limits), 0u) << "ground that is not level";
+  limits.lateral_share_low = 0.9;
+  limits.lateral_share_high = 1.1;
+  EXPECT_EQ(felt_violations(right, {1, 1}, limits), 0u);
+  EXPECT_EQ(felt_violations(right, {1, 0.3}, limits), kInvariantLateral);
+  EXPECT_EQ(felt_violations(right, {1, -1}, limits), kInvariantLateral);
   // Nothing to be felt.
-  EXPECT_EQ(felt_violations({}, 1, limits), 0u);
+  EXPECT_EQ(felt_violations({}, {1, 1}, limits), 0u);
 }
 
 }  // namespace

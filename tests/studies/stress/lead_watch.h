@@ -16,7 +16,8 @@ namespace telenano::studies::stress {
 ///                   what went beyond it must come back before the target moves again
 ///   where it was    when the station engages, and while it does not, the target stays, or is put where the tip is
 ///   a new session   begins where its Welcome says
-///   let go          while the hand holds the clutch, or has stopped, the station is not engaged
+///   withdrawn       once the tip has been up, the target of the next engagement is where the tip is
+///   let go          while the hand holds the clutch, has stopped, or another session moves the tip, the station is not engaged
 ///   no force        from when the hand has let go: none at once after a stop, none after the fade with the clutch
 ///   no jump         when the operator changes scale, method or task: the force grows by one tick of the ramp at most
 ///
@@ -42,7 +43,9 @@ class LeadWatch {
     double velocity_scale = 1e-6;  ///< that the operator has chosen
     bool rescaled = false;         ///< just now, to whatever scale
     bool engaged = false;
-    bool clutch = false;  ///< the hand holds it
+    bool retracted = false;  ///< the newest reply says that the slave has withdrawn the tip
+    bool observes = false;   ///< another session moves the tip, as the newest reply says
+    bool clutch = false;     ///< the hand holds it
     bool stopped = false;
     bool acted = false;               ///< the operator changed scale, method or task just now
     bool put_anywhere = false;        ///< where the tip is, is not known here
@@ -81,6 +84,7 @@ class LeadWatch {
   // Nanometres of some hundred in double, 1e5 sums of them.
   static constexpr double kRoundingNm = 1e-6;
   static constexpr double kNotFeltN = 0.05;
+  static constexpr double kInTheAirNm = 1;  // between a tip in the air and its lever's other end
 
   /// Without the workspace.
   Vec3 led_w_nm(const Tick& now) const noexcept {
@@ -96,6 +100,7 @@ class LeadWatch {
 
   bool is_led(const Tick& now) noexcept {
     put_ = false;
+    if (now.sessions != last_.sessions) was_up_ = false;
     if (now.sessions != last_.sessions) return now.logs || near(now.target_w_nm, now.begins_w_nm);
     if (now.engaged && last_.engaged) {
       Vec3 led = led_w_nm(now);
@@ -106,11 +111,17 @@ class LeadWatch {
       if (near(now.target_w_nm, led)) return true;
       return put_ = is_put(now);
     }
+    if (now.retracted) was_up_ = true;
+    if (now.engaged && was_up_) {
+      was_up_ = false;
+      return now.put_anywhere || (now.target_w_nm - now.tip_w_nm).norm() <= kInTheAirNm ||
+             (now.target_w_nm - now.held_w_nm).norm() <= kInTheAirNm;
+    }
     return near(now.target_w_nm, last_.target_w_nm) || is_put(now);
   }
 
   bool is_let_go(const Tick& now) noexcept {
-    const bool free = !now.clutch && !now.stopped;
+    const bool free = !now.clutch && !now.stopped && !now.observes;
     if (free) {
       let_go_since_s_ = -1;
       return true;
@@ -138,6 +149,7 @@ class LeadWatch {
   Vec3 moved_h_m_ = Vec3::Zero();  // in a period, before the last tick
   double changed_n_ = 0;           // of what was shown, in the last tick
   bool put_ = false;
+  bool was_up_ = false;
   double let_go_since_s_ = -1;
   bool wrong_ = false, holds_on_ = false, jumps_ = false;
 };

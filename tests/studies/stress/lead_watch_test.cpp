@@ -106,7 +106,27 @@ TEST(LeadWatch, SeesAMotionThatIsNotTheHands) {
   EXPECT_FALSE(elsewhere.watch.leads());
 }
 
+TEST(LeadWatch, ATipThatWasUpIsNotDrivenBack) {
+  for (const bool right : {true, false}) {
+    LedStation b;
+    b.go(100);
+    b.now.engaged = false;
+    b.now.retracted = true;
+    b.now.tip_w_nm = b.now.held_w_nm = Vec3(0, 0, 60);
+    b.tick();
+    b.now.retracted = false;
+    b.now.engaged = true;
+    if (right) b.now.target_w_nm = b.now.tip_w_nm;
+    b.tick();
+    EXPECT_EQ(b.watch.leads(), right);
+  }
+}
+
 TEST(LeadWatch, SeesAStationThatHoldsOn) {
+  LedStation observer;
+  observer.now.observes = true;
+  observer.tick();
+  EXPECT_FALSE(observer.watch.lets_go());
   LedStation engaged;
   engaged.now.clutch = true;
   engaged.tick();

@@ -248,6 +248,19 @@ void companded(Grid& grid, RunSpec spec) {
              over(&RunSpec::rtt_ms, {0.0, 20.0, 200.0}), over(&RunSpec::loss, {0.0, 0.1}));
 }
 
+// A hand that goes across ground with friction, slopes, marks, a particle: where forces act along the ground.
+void across_ground(std::vector<RunSpec>& runs, RunSpec spec, const ProfileOptions& options) {
+  spec.hand = HandKind::kRaster;
+  spec.seconds = 5;
+  for (const SceneKind scene : options.across) {
+    spec.scene = scene;
+    for (const double rtt_ms : {0.0, 2.0}) {
+      spec.rtt_ms = rtt_ms;
+      if (options.rtt_ms.holds(rtt_ms) && options.loss.holds(0)) runs.push_back(spec);
+    }
+  }
+}
+
 void named_links(Grid& grid, RunSpec spec) {
   for (const NamedLink& link : kNamedLinks) {
     put_link(link, spec);
@@ -432,6 +445,9 @@ std::string ProfileOptions::text() const {
   text += " scenes=";
   for (std::size_t i = 0; i < scenes.size(); ++i)
     text += fmt::format("{}{}", i == 0 ? "" : ",", scene_kind_name(scenes[i]));
+  if (!across.empty() && sample == 0 && !replies) text += " across=";
+  for (std::size_t i = 0; i < across.size() && sample == 0 && !replies; ++i)
+    text += fmt::format("{}{}", i == 0 ? "" : ",", scene_kind_name(across[i]));
   return text + fmt::format(" rtt-ms={}:{} loss={}:{}", rtt_ms.low, rtt_ms.high, loss.low, loss.high);
 }
 
@@ -461,6 +477,11 @@ std::vector<RunSpec> make_profile(const ProfileOptions& options) {
     }
     grid.specs.resize(kept);
     for (std::size_t i = first; i < kept; ++i) grid.specs[i].seconds = std::min(grid.specs[i].seconds, 5.0);
+  }
+  for (const Method method : options.methods) {
+    RunSpec base;
+    base.method = method;
+    across_ground(grid.specs, base, options);
   }
   Random random(options.seed * 0x9e3779b97f4a7c15ull + 1);
   const int randoms = options.full ? 9000 : 200;

@@ -24,6 +24,8 @@ struct ProfileOptions {
   std::uint64_t seed = 1;
   std::vector<control::Method> methods;  ///< in the order of control::kAllMethods
   std::vector<SceneKind> scenes;
+  /// Besides: calm hands that go across these, over a short way, with each method. Not of a sample, nor of replies.
+  std::vector<SceneKind> across;
   Range rtt_ms{0, 1000};  ///< runs outside are left out; random ones are drawn inside
   Range loss{0, 0.5};
 

@@ -26,14 +26,23 @@ class RecordWatch {
            std::fabs(row.energy_in_j - row.energy_out_j - row.energy_j) <= kRoundingJ;
   }
 
-  /// The sample's force that the row says is one that the slave has said, no earlier than the one of the row before.
-  bool has_force(const recording::Sample& row, const std::vector<Vec3>& said_w_nn) noexcept {
-    const auto is_it = [&](const Vec3& said) {
-      return row.force_w_nn[0] == said.x() && row.force_w_nn[1] == said.y() && row.force_w_nn[2] == said.z();
+  /// What the slave said after a step.
+  struct Said {
+    Vec3 force_w_nn = Vec3::Zero();
+    Vec3 tip_w_nm = Vec3::Zero();
+    double deflection_nm = 0;
+  };
+  /// The sample's force that the row says, the tip's place and the deflection are those that the slave has said at once, no
+  /// earlier than those of the row before.
+  bool has_force(const recording::Sample& row, const std::vector<Said>& said) noexcept {
+    const auto is_it = [](const recording::Xyz& a, const Vec3& b) {
+      return a[0] == b.x() && a[1] == b.y() && a[2] == b.z();
     };
-    if (!heard_ && is_it(Vec3::Zero())) return true;  // no reply yet
-    for (std::size_t at = heard_at_; at < said_w_nn.size(); ++at) {
-      if (!is_it(said_w_nn[at])) continue;
+    if (!heard_ && is_it(row.force_w_nn, Vec3::Zero())) return true;  // no reply yet
+    for (std::size_t at = heard_at_; at < said.size(); ++at) {
+      if (!is_it(row.force_w_nn, said[at].force_w_nn) || !is_it(row.tip_pos_w_nm, said[at].tip_w_nm) ||
+          row.deflection_nm != said[at].deflection_nm)
+        continue;
       heard_at_ = at;
       return heard_ = true;
     }

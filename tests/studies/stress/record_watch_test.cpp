@@ -44,10 +44,13 @@ TEST(Invariants, ARowsEnergyIsThatOfTheTrueAccount) {
 }
 
 TEST(Invariants, ARowsForceIsOneThatTheSlaveHasSaidAndNoneFromBefore) {
-  const std::vector<Vec3> said = {{0, 0, 1}, {0, 0, 2}, {0, 0, 2}, {0, 0, 3}};
+  std::vector<RecordWatch::Said> said;
+  for (const double force_nn : {1.0, 2.0, 2.0, 3.0}) said.push_back({{0, 0, force_nn}, {4, 5, 6}, 0.5});
   RecordWatch watch(1e-3, 0);
   recording::Sample row;
   EXPECT_TRUE(watch.has_force(row, said)) << "no reply yet";
+  row.tip_pos_w_nm = {4, 5, 6};
+  row.deflection_nm = 0.5;
   row.force_w_nn[2] = 2;
   EXPECT_TRUE(watch.has_force(row, said));
   EXPECT_TRUE(watch.has_force(row, said)) << "the same reply";
@@ -55,6 +58,12 @@ TEST(Invariants, ARowsForceIsOneThatTheSlaveHasSaidAndNoneFromBefore) {
   EXPECT_FALSE(watch.has_force(row, said)) << "from before";
   row.force_w_nn[2] = 3;
   EXPECT_TRUE(watch.has_force(row, said));
+  row.tip_pos_w_nm = {5, 4, 6};
+  EXPECT_FALSE(watch.has_force(row, said)) << "another's place";
+  row.tip_pos_w_nm = {4, 5, 6};
+  row.deflection_nm = -0.5;
+  EXPECT_FALSE(watch.has_force(row, said)) << "bent the other way";
+  row.deflection_nm = 0.5;
   row.force_w_nn[2] = 3.003;
   EXPECT_FALSE(watch.has_force(row, said));
   row.force_w_nn[2] = 0;

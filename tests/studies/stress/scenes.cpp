@@ -33,6 +33,7 @@ const char* file_name(SceneKind kind) {
 
 Scenes::Scenes(const std::filesystem::path& folder, const std::vector<SceneKind>& kinds) {
   for (const SceneKind kind : kinds) {
+    if (files_.contains(kind)) continue;
     const char* const name = file_name(kind);
     const auto& scene = files_[kind] =
         name == nullptr ? nullptr : scene::load_scene((folder / name).string());

@@ -99,6 +99,8 @@ SweepOptions sweep_options(const Arguments& a) {
         std::find(scenes.begin(), scenes.end(), kind) != scenes.end())
       options.profile.scenes.push_back(kind);
   }
+  if (scenes.empty())
+    options.profile.across = {SceneKind::kScan, SceneKind::kMoist, SceneKind::kMarks, SceneKind::kParticle};
   options.profile.rtt_ms = parse_range(a.rtt_ms, "--rtt-ms", options.profile.rtt_ms);
   options.profile.loss = parse_range(a.loss, "--loss", options.profile.loss);
   options.out = a.out;

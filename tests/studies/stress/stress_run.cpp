@@ -83,6 +83,14 @@ class LocalTouch {
       trace_.rows.push_back({vec3(row.hand_force_applied_h_n),
                              n_per_nn_ * companded(touches) * output_.force_w_nn, vec3(row.hand_pos_h_m),
                              touches});
+    if (input.follow && touches) {
+      const Vec3 ideal_h_n = n_per_nn_ * output_.force_w_nn;
+      for (std::size_t i = 0; i < 2; ++i) {
+        const double across_n = ideal_h_n[static_cast<int>(i)];
+        lateral_both_ += row.hand_force_applied_h_n[i] * across_n;
+        lateral_ideal2_ += across_n * across_n;
+      }
+    }
     if (!level_) return;
     most_nn_ = std::max(most_nn_, output_.force_w_nn.norm());
     if (!input.follow || !touches || !settled) return;
@@ -104,6 +112,10 @@ class LocalTouch {
     return count_ > 0 ? std::sqrt(error2_ / static_cast<double>(count_)) : kNan;
   }
   double ratio() const noexcept { return ideal2_ > 0 ? both_ / ideal2_ : kNan; }
+  /// Of what acts along the ground, in both directions.
+  double lateral_ratio() const noexcept {
+    return lateral_ideal2_ > 0 ? lateral_both_ / lateral_ideal2_ : kNan;
+  }
   double over_force(double most_nn) const noexcept { return most_nn_ > 0 ? most_nn / most_nn_ : kNan; }
 
  private:
@@ -116,6 +128,7 @@ class LocalTouch {
   slave::SlaveOutput output_;
   fidelity::TouchTrace trace_;
   double n_per_nn_;
+  double lateral_both_ = 0, lateral_ideal2_ = 0;
   double error2_ = 0, both_ = 0, ideal2_ = 0, most_nn_ = 0;
   std::int64_t count_ = 0;
 };
@@ -294,6 +307,11 @@ LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession&
   // Of a shared tip a reply that waits to be shown says where it was put.
   tick.put_anywhere = (welcome.feature_bits & link::kFeatureSharing) != 0 && waits;
   tick.engaged = row.station_mode == kEngaged;
+  // Over a longer way a tip that was up is engaged before that is known, and has moved on when it is.
+  constexpr double kKnownS = 0.1;
+  tick.retracted = (row.fault_bits & link::kFaultRetracted) != 0 && 1e-6 * row.rtt_us < kKnownS && !waits;
+  tick.observes = (welcome.feature_bits & link::kFeatureSharing) != 0 && !waits &&
+                  session.client().has_reply() && session.client().reply().tip.hold == 0;
   tick.clutch = (buttons & device::kButtonClutch) != 0;
   tick.stopped = acts.stopped();
   tick.acted = acts.changed_now() && steady;
@@ -381,7 +399,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     if (const recording::Sample* const kept = recorder(row); kept != nullptr) {
       const bool counted =
           hand->too_fast() || RecordWatch::has_energy(*kept, around.given_before_j, around.q_before_j);
-      const bool said = !watch->keeps_said || record.has_force(*kept, watch->said_w_nn);
+      const bool said = !watch->keeps_said || record.has_force(*kept, watch->said);
       if (!record.is_true(*kept, began_h_m, hand->applied_h_n(), periods) || !counted || !said)
         invariants.violate(kInvariantRecord, row.time_s);
     }
@@ -456,7 +474,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   const TrueAccount& account = hand->account();
   if (const auto asked = felt_limits(spec)) {
     outcome.felt = local.felt(0.2 + 1.5e-3 * spec.rtt_ms);
-    if (const std::uint32_t wrong = felt_violations(outcome.felt, local.ratio(), *asked))
+    if (const std::uint32_t wrong =
+            felt_violations(outcome.felt, {local.ratio(), local.lateral_ratio()}, *asked))
       invariants.violate(wrong, now_s);
   }
   if (const auto share = share_limits_of_acts(spec);

@@ -71,7 +71,9 @@ Manifest manifest_of(const ProfileOptions& options, std::size_t runs) {
 
 SweepResult sweep(const SweepOptions& options) {
   const std::vector<RunSpec> specs = make_profile(options.profile);
-  const Scenes scenes(options.scenes, options.profile.scenes);
+  std::vector<SceneKind> kinds = options.profile.scenes;
+  kinds.insert(kinds.end(), options.profile.across.begin(), options.profile.across.end());
+  const Scenes scenes(options.scenes, kinds);
   ShardTable table(options.out, manifest_of(options.profile, specs.size()), options.shard, options.wait);
   std::vector<std::size_t> mine;
   for (std::size_t i = 0; i < specs.size(); ++i) {

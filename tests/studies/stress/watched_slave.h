@@ -9,6 +9,7 @@
 
 #include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/stress/port_watch.h"
+#include "tests/studies/stress/record_watch.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/wrong_slave.h"
 
@@ -31,9 +32,9 @@ struct SlaveWatch {
   double energy_in_aj = 0, energy_out_aj = 0;  ///< of the slave that there is
   double time_s = 0;                           ///< all steps together
   bool non_finite = false;
-  bool keeps_said = false;      ///< all that the slave has ever said, where that is asked for:
-  std::vector<Vec3> said_w_nn;  ///< the force after each step
-  bool sums_are_work = true;    ///< of each slave (port_watch.h)
+  bool keeps_said = false;              ///< all that the slave has ever said, where that is asked for:
+  std::vector<RecordWatch::Said> said;  ///< after each step
+  bool sums_are_work = true;            ///< of each slave (port_watch.h)
   bool rises = false;  ///< the commanded end goes up as fast as it should, or is where it can go no higher
 };
 
@@ -64,7 +65,7 @@ class WatchedSlave final : public slave::Slave {
     commanded_z_w_nm_ = output.commanded_pos_w_nm.z();
     w.commanded_w_nm = output.commanded_pos_w_nm;
     w.force_w_nn = output.force_w_nn;
-    if (w.keeps_said) w.said_w_nn.push_back(output.force_w_nn);
+    if (w.keeps_said) w.said.push_back({output.force_w_nn, output.tip_pos_w_nm, output.deflection_nm});
     const bool touches = output.contact_state == link::ContactState::kContact;
     w.touched += touches && !touches_;
     w.touches = touches_ = touches;
