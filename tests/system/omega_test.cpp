@@ -500,6 +500,19 @@ TEST_F(OmegaTest, CalibrationWaitsForAHandleThatIsNotYetCalibrated) {
   EXPECT_EQ(sdk_.force_n(), 0);
 }
 
+TEST_F(OmegaTest, CalibrationTellsOfADeviceThatIsUnpluggedBeforeItBegins) {
+  const std::string pipe = path("enter");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  ChildProcess wizard(
+      {"/bin/sh", "-c", "exec " + kMaster + " calibrate --dynamics --out " + path("d.toml") + " <" + pipe});
+  std::ofstream enter(pipe);
+  ASSERT_TRUE(wizard.wait_for_err("press Enter", kLong)) << wizard.err();
+  sdk_->unplugged = 1;
+  ASSERT_TRUE(wizard.wait(kLong)) << wizard.err();
+  EXPECT_EQ(wizard.exit_code(), 1);
+  EXPECT_THAT(wizard.err(), HasSubstr("unplugged"));
+}
+
 TEST_F(OmegaTest, CalibrationEndsWithItsInput) {
   const Finished run = run_program({"/bin/sh", "-c", kMaster + " calibrate --dynamics </dev/null"});
   EXPECT_EQ(run.exit_code, 1);

@@ -167,6 +167,7 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
     };
     while (is_ready && !loop.over()) {
       give_up_if_stuck();
+      if (loop.status() == device::DeviceStatus::kFailed) break;  // said at once, not after Enter
       if (!is_ready()) continue;
       if (loop.status() != device::DeviceStatus::kHoming) break;
       fmt::print(stderr, "{}\n", kNotCalibratedYet);
