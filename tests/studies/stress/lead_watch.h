@@ -114,7 +114,8 @@ class LeadWatch {
     if (now.retracted) was_up_ = true;
     if (now.engaged && was_up_) {
       was_up_ = false;
-      return now.put_anywhere || (now.target_w_nm - now.tip_w_nm).norm() <= kInTheAirNm ||
+      // Steps of a log that are on their way lead the tip to the target yet.
+      return now.put_anywhere || now.logs || (now.target_w_nm - now.tip_w_nm).norm() <= kInTheAirNm ||
              (now.target_w_nm - now.held_w_nm).norm() <= kInTheAirNm;
     }
     return near(now.target_w_nm, last_.target_w_nm) || is_put(now);
