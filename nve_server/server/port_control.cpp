@@ -68,7 +68,10 @@ double PortControl::worth_aj(double charge_aj) noexcept {
     return 0;
   }
   const double price = energy_scale_aj_j_ > 0 ? 1 / energy_scale_aj_j_ : 0;
-  return charge_aj > 0 ? sample_.put_in(charge_aj, price) : -sample_.take_out(-charge_aj, price);
+  // A method that sends no energy has paid for it at the hand alone, where its account goes on: here it is worth nothing.
+  const bool paid_here = pays_for_moves() || method_ == link::kMethodWave;
+  return charge_aj > 0 ? sample_.put_in(charge_aj, paid_here ? price : 0)
+                       : -sample_.take_out(-charge_aj, price);
 }
 
 Vec3 PortControl::paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,

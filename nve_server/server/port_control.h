@@ -37,6 +37,10 @@ namespace telenano::server {
 /// (priced_energy.h): counted is not the port's charge but what may be credited for it, or must be paid. The
 /// station says its scale with every command, whatever its method, so that nothing is pressed unseen.
 ///
+/// **Another method.** What was pressed while a method without energy on its way drove the tip (`none`, `ks`, `ks-clamp`,
+/// `model`, `twin`) is in the hand's own account, which the next method takes over. It must not come back from here once more:
+/// it lies in the sample at the price 0.
+///
 /// **Finite.** Of a scale that no pair of scales makes, and of sums that no session comes to, nothing is
 /// believed: every sum here stays finite, whatever a station sends.
 class PortControl {

@@ -134,7 +134,8 @@ std::optional<ShareLimits> share_limits_of_acts(const RunSpec& spec) noexcept {
       if (!soft) return std::nullopt;
       return ShareLimits{pays ? 0.5 : 0.9, 1.1};
     case Act::kImpedance:
-      return ShareLimits{0.7, 1.1};  // a model that is touched anew at another impedance: 0.79 once
+      return ShareLimits{
+          0.7, 1.1};  // each rise pushes the hand out, which must have been put in: in the end the clamp acts
     case Act::kTask:
       return ShareLimits{0.85, 1.1};
     case Act::kClutch:

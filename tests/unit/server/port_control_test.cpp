@@ -252,6 +252,26 @@ TEST(PortControl, WhatWasPressedAtOneScaleIsNotWorthMoreAtAnother) {
   }
 }
 
+// What was pressed while `model` drove the tip is in the hand's own account, which goes on: the tank sends none of it, and all of what
+// it has paid for itself.
+TEST(PortControl, WhatAnotherMethodPressedDoesNotComeBackFromHere) {
+  for (const std::uint32_t before :
+       {link::kMethodNone, link::kMethodKs, link::kMethodModel, link::kMethodTwin}) {
+    Rig rig(before);
+    for (int k = 0; k <= 50; ++k) rig.tick(Vec3(0, 0, -0.1 * k));
+    const double pressed_aj = rig.wall.output.energy_in_aj;
+    ASSERT_GT(pressed_aj, 200);
+    rig.command.control.method = link::kMethodTank;
+    rig.command.control.energy_sent_j = 20e-3;  // enough for another 5 nm
+    for (int k = 50; k <= 70; ++k) rig.tick(Vec3(0, 0, -0.1 * k));
+    const double paid_aj = rig.wall.output.energy_in_aj - pressed_aj;
+    ASSERT_GT(paid_aj, 100);
+    for (int k = 70; k >= -20; --k) rig.tick(Vec3(0, 0, -0.1 * k));
+    ASSERT_NEAR(rig.wall.output.energy_out_aj, pressed_aj + paid_aj, 1e-9);
+    EXPECT_NEAR(rig.control.answer().energy_sent_aj + rig.control.level_aj(), 20e-3 * 1e5, 1e-9) << before;
+  }
+}
+
 // A wave moves a tip by the energy that came with it, and what the wall gives back goes as a wave.
 TEST(PortControl, WavesGainNothingByAnotherScaleEither) {
   Rig rig(link::kMethodWave);
