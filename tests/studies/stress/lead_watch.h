@@ -92,9 +92,21 @@ class LeadWatch {
     return from_w_nm + 1e9 * now.velocity_scale * (now.hand_h_m - last_.hand_h_m);
   }
   static bool near(const Vec3& a, const Vec3& b) noexcept { return (a - b).norm() <= kRoundingNm; }
+  static Vec3 in_workspace_w_nm(const Tick& now, Vec3 pos_w_nm) noexcept {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (now.lowest_w_nm[axis] < now.highest_w_nm[axis])
+        pos_w_nm[axis] = std::clamp(pos_w_nm[axis], now.lowest_w_nm[axis], now.highest_w_nm[axis]);
+    }
+    return pos_w_nm;
+  }
+  /// The target is there, or, once engaged, at the next place in the workspace: what pulls at a tip can hold it a little outside.
+  static bool is_at(const Tick& now, const Vec3& pos_w_nm) noexcept {
+    return near(now.target_w_nm, pos_w_nm) ||
+           (now.engaged && near(now.target_w_nm, in_workspace_w_nm(now, pos_w_nm)));
+  }
   bool is_put(const Tick& now) const noexcept {
-    return now.put_anywhere || near(now.target_w_nm, now.tip_w_nm) || near(now.target_w_nm, now.held_w_nm) ||
-           near(now.target_w_nm, last_.tip_w_nm) || near(now.target_w_nm, last_.held_w_nm);
+    return now.put_anywhere || is_at(now, now.tip_w_nm) || is_at(now, now.held_w_nm) ||
+           is_at(now, last_.tip_w_nm) || is_at(now, last_.held_w_nm);
   }
 
   bool is_led(const Tick& now) noexcept {
@@ -102,12 +114,7 @@ class LeadWatch {
     if (now.sessions != last_.sessions) was_up_ = false;
     if (now.sessions != last_.sessions) return now.logs || near(now.target_w_nm, now.begins_w_nm);
     if (now.engaged && last_.engaged) {
-      Vec3 led = led_w_nm(now);
-      for (int axis = 0; axis < 3; ++axis) {
-        if (now.lowest_w_nm[axis] < now.highest_w_nm[axis])
-          led[axis] = std::clamp(led[axis], now.lowest_w_nm[axis], now.highest_w_nm[axis]);
-      }
-      if (near(now.target_w_nm, led)) return true;
+      if (near(now.target_w_nm, in_workspace_w_nm(now, led_w_nm(now)))) return true;
       return put_ = is_put(now);
     }
     if (now.retracted) was_up_ = true;
@@ -117,7 +124,7 @@ class LeadWatch {
       return now.put_anywhere || now.logs || (now.target_w_nm - now.tip_w_nm).norm() <= kInTheAirNm ||
              (now.target_w_nm - now.held_w_nm).norm() <= kInTheAirNm;
     }
-    return near(now.target_w_nm, last_.target_w_nm) || is_put(now);
+    return is_at(now, last_.target_w_nm) || is_put(now);
   }
 
   bool is_let_go(const Tick& now) noexcept {

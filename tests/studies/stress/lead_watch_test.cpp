@@ -75,6 +75,21 @@ TEST(LeadWatch, WhatWentBeyondTheWorkspaceMustComeBack) {
   }
 }
 
+// A soft sample's pull can hold the tip a little outside the workspace, and the target is put where the tip is.
+TEST(LeadWatch, ATargetOutsideTheWorkspaceComesBackIntoItWhenEngaged) {
+  for (const bool right : {true, false}) {
+    LedStation b;
+    b.go(100);
+    b.now.engaged = false;
+    b.now.tip_w_nm = b.now.target_w_nm = Vec3(0, 0, -100.5);
+    b.tick();
+    b.now.engaged = true;
+    b.now.target_w_nm.z() = right ? -100 : -99.5;
+    b.tick();
+    EXPECT_EQ(b.watch.leads(), right);
+  }
+}
+
 TEST(LeadWatch, SeesAMotionThatIsNotTheHands) {
   LedStation far;
   far.go(3, 0.11);

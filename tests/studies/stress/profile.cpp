@@ -445,9 +445,9 @@ std::string ProfileOptions::text() const {
   text += " scenes=";
   for (std::size_t i = 0; i < scenes.size(); ++i)
     text += fmt::format("{}{}", i == 0 ? "" : ",", scene_kind_name(scenes[i]));
-  if (!across.empty() && sample == 0 && !replies) text += " across=";
-  for (std::size_t i = 0; i < across.size() && sample == 0 && !replies; ++i)
-    text += fmt::format("{}{}", i == 0 ? "" : ",", scene_kind_name(across[i]));
+  const bool has_grid = sample == 0 && !replies;
+  for (std::size_t i = 0; has_grid && i < across.size(); ++i)
+    text += fmt::format("{}{}", i == 0 ? " across=" : ",", scene_kind_name(across[i]));
   return text + fmt::format(" rtt-ms={}:{} loss={}:{}", rtt_ms.low, rtt_ms.high, loss.low, loss.high);
 }
 

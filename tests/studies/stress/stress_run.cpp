@@ -46,6 +46,10 @@ Vec3 vec3(const recording::Xyz& v) {
   return {v[0], v[1], v[2]};
 }
 
+bool is_engaged(const recording::Sample& row) noexcept {
+  return row.station_mode == static_cast<std::uint32_t>(station::Mode::kEngaged);
+}
+
 /// Nothing waits for longer than this to be shown.
 double playout_longest_ms(const RunSpec& spec) {
   using Mode = link::PlayoutConfig::Mode;
@@ -74,8 +78,7 @@ class LocalTouch {
     if (!slave_) return;
     n_per_nn_ = 1e-9 * force_scale;
     slave::SlaveInput input;
-    constexpr std::uint32_t kEngaged = 2;
-    input.follow = row.station_mode == kEngaged;
+    input.follow = is_engaged(row);
     input.tip_target_pos_w_nm = Vec3(row.tip_target_w_nm[0], row.tip_target_w_nm[1], row.tip_target_w_nm[2]);
     slave_->step(input, dt_s, output_);
     const bool touches = output_.contact_state == link::ContactState::kContact;
@@ -292,7 +295,6 @@ LeadWatch::Limits lead_limits(const station::StationConfig& station, double peri
 LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession& session,
                           const OperatorActs& acts, const Vec3& hand_h_m, std::uint32_t buttons, int periods,
                           bool waits, bool steady) {
-  constexpr std::uint32_t kEngaged = 2;
   const link::Welcome& welcome = session.client().welcome();
   LeadWatch::Tick tick;
   tick.time_s = row.time_s;
@@ -306,7 +308,7 @@ LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession&
   tick.rescaled = acts.rescaled_now();
   // Of a shared tip a reply that waits to be shown says where it was put.
   tick.put_anywhere = (welcome.feature_bits & link::kFeatureSharing) != 0 && waits;
-  tick.engaged = row.station_mode == kEngaged;
+  tick.engaged = is_engaged(row);
   // Over a longer way a tip that was up is engaged before that is known, and has moved on when it is.
   constexpr double kKnownS = 0.1;
   tick.retracted = (row.fault_bits & link::kFaultRetracted) != 0 && 1e-6 * row.rtt_us < kKnownS && !waits;
