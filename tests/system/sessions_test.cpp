@@ -132,15 +132,15 @@ Replayed replayed(const std::string& file) {
 // takes its time, and the next look at one eight times as long.
 TEST_F(SessionsTest, MarksAreTakenBackAtASharedTipByWhoMadeThem) {
   const std::string script =
-      write("groove.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1,0,0,-8\n2,15,0,-8\n2.5,15,0,30\n13,15,0,30\n");
+      write("groove.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1,0,0,-8\n2,15,0,-8\n2.5,15,0,30\n18,15,0,30\n");
   for (const char* method : {"twin", "ks-clamp"}) {
     Server server(scene_path("lithography"), 0, {"--share", "one-tip", "--local-rights", "administer"});
     const std::string made = path(std::string(method) + "_made.h5"),
                       seen = path(std::string(method) + "_seen.h5");
     ChildProcess first(talking(server, {"--task", "script", "--script", script, "--method", method,
-                                        "--record", made, "--undo-marks-at", "6"}));
+                                        "--record", made, "--undo-marks-at", "10"}));
     ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
-    ChildProcess second(talking(server, {"--observe", "--duration-s", "14", "--record", seen}));
+    ChildProcess second(talking(server, {"--observe", "--duration-s", "19", "--record", seen}));
     ASSERT_TRUE(second.wait(kLong)) << second.err();
     EXPECT_EQ(second.exit_code(), 0) << second.err();
     ASSERT_TRUE(first.wait(kLong)) << first.err();

@@ -357,7 +357,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   std::uint64_t epoch = 0;
   for (const auto& row : recorded.datagrams)
     if (epoch == 0 && row.type == static_cast<std::uint32_t>(link::MessageType::kReply)) epoch = row.epoch;
-  ScriptedWire wire(*servers.back(), clock, session.script);
+  ScriptedWire wire(*servers.back(), clock, session.script, served.make_slave()->state_hash());
   wire.set_states(&recorded.states);
   wire.set_pieces(recorded.state_pieces);
   std::size_t pieces_come = 0;

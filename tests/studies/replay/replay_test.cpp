@@ -294,5 +294,30 @@ TEST(ScriptedWire, AReplyThatSaysOtherStepsIsFound) {
   EXPECT_EQ(session.wire().other_steps_at(), 50u);
 }
 
+// Whose the energy is that comes out of a shared tip depends on it: of a tip that nobody else has moved it is this session's.
+TEST(OtherHolders, OnlyAChangeWithoutThisSessionIsAnothers) {
+  constexpr std::uint64_t kNew = 7, kThere = 8;
+  OtherHolders nobody(kNew);
+  nobody.look(true, kNew);
+  nobody.look(false, 9);
+  nobody.look(false, 10);
+  nobody.look(true, 11);  // steps of its own that were on their way
+  nobody.look(true, 11);
+  EXPECT_FALSE(nobody.moved());
+  nobody.look(true, 12);
+  EXPECT_TRUE(nobody.moved());
+  nobody.look(false, 12);
+  EXPECT_TRUE(nobody.moved()) << "until it is taken up";
+  nobody.taken_up();
+  nobody.look(false, 13);
+  EXPECT_FALSE(nobody.moved());
+  nobody.begin_slave();
+  nobody.look(true, kNew);
+  EXPECT_FALSE(nobody.moved());
+  OtherHolders before(kNew);
+  before.look(true, kThere);
+  EXPECT_TRUE(before.moved()) << "before this session came";
+}
+
 }  // namespace
 }  // namespace telenano::studies

@@ -89,8 +89,8 @@ bool ScriptedWire::take_up_state(std::uint64_t session_id, const StepReport& rep
     log.state_hash = state.state_hash;
     const auto last = made_.find(state.step);
     const link::LoggedStep* const step = last != made_.end() ? &last->second : nullptr;
-    if (!server_->take_up(session_id, state.bytes, log, step, others_)) continue;
-    others_ = false;
+    if (!server_->take_up(session_id, state.bytes, log, step, others_.moved())) continue;
+    others_.taken_up();
     last_executed_ = brought_ = state.step;
     taken_up_at_ = state.step;
     apart_ = false;
@@ -115,7 +115,7 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
       if (next != script_.told.end() && next->first == number) told = &next->second;
       if (told != nullptr && (told->report.breaks != breaks_ || told->parts || told->observes))
         part(told->report);
-      others_ = others_ || (told != nullptr && told->observes);
+      if (told != nullptr) others_.look(told->observes, told->report.state_hash);
       if (apart_ && told != nullptr && !told->parts && !told->observes) {
         server_->hold_tip(session_id_, now_ns);  // whose taking is a break, which the state has behind it
         took_up = take_up_state(session_id_, told->report);
@@ -165,6 +165,7 @@ void ScriptedWire::end_session(const StepReport& report, std::int64_t now_ns) {
 void ScriptedWire::use(server::Server& server) noexcept {
   server_ = &server;
   apart_ = false;
+  others_.begin_slave();
   taken_up_at_.reset();
   breaks_ = 0;
   last_executed_ = brought_ = 0;

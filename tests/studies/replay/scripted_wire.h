@@ -16,6 +16,7 @@
 #include "telenano/common/recording/sample.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/server/server.h"
+#include "tests/studies/replay/other_holders.h"
 #include "tests/studies/replay/recorded_session.h"
 
 namespace telenano::studies {
@@ -61,8 +62,9 @@ struct Script {
 /// were taken back, are in the state that the twin took up when it had the tip again.
 class ScriptedWire final : public net::Datagram {
  public:
-  ScriptedWire(server::Server& server, RecordedClock& clock, Script script)
-      : server_(&server), clock_(clock), script_(std::move(script)) {}
+  /// `new_hash`: of the state of a slave that nobody has moved yet.
+  ScriptedWire(server::Server& server, RecordedClock& clock, Script script, std::uint64_t new_hash = 0)
+      : server_(&server), clock_(clock), script_(std::move(script)), others_(new_hash) {}
 
   /// For the handshake everything comes and is answered at once; commands go by the script.
   void open_to_all(bool open) noexcept { open_ = open; }
@@ -136,7 +138,7 @@ class ScriptedWire final : public net::Datagram {
   std::optional<std::uint64_t> taken_up_at_;  ///< the last step of the state that was taken up last
   std::uint32_t breaks_ = 0;                  ///< declared by then, as recorded
   bool apart_ = false;
-  bool others_ = false;           ///< another session has moved the shared tip since
+  OtherHolders others_;
   std::int64_t apart_since_ = 0;  ///< tick
   bool told_in_tick_ = false;
   std::uint64_t session_id_ = 0;
