@@ -154,11 +154,10 @@ std::optional<double> drift_limit_mm(const RunSpec& spec) noexcept {
   // A log of steps that is cut takes its time to be taken up again.
   const bool whole = spec.method != control::Method::kTwin || (delivers(spec) && suits_twin(spec));
   // Waves hold positions only as well as forces; a slave that pays for its moves stays behind where what was sent
-  // to it is lost, with `tank` by a server that begins anew, or whose clock leaps while commands are held back.
-  const bool by_position =
-      spec.method != control::Method::kWave && spec.method != control::Method::kTdpa &&
-      (spec.method != control::Method::kTank ||
-       (spec.restart == Restart::kNever && (spec.leap_ms == 0 || spec.deadband_nm == 0)));
+  // to it is lost, with `tank` by a server that begins anew, or whose clock leaps.
+  const bool keeps_energy = spec.restart == Restart::kNever && spec.leap_ms == 0;
+  const bool by_position = spec.method != control::Method::kWave && spec.method != control::Method::kTdpa &&
+                           (spec.method != control::Method::kTank || keeps_energy);
   if (!still || !exact || !whole || !by_position) return std::nullopt;
   // Less than the deadband is not sent: of the tip, at the hand.
   return kDriftMm + 1e-6 * spec.deadband_nm / spec.velocity_scale;
