@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "telenano/common/link/messages.h"
-#include "telenano/common/link/snapshot.h"
 
 namespace telenano::station {
 
@@ -263,7 +262,9 @@ void TwinRun::look_at(std::span<const std::uint8_t> state, std::uint64_t hash, s
   seen_ = good;
   seen_hash_ = good ? hash : 0;
   looks_ = false;
-  const double took_s = 1e-9 * static_cast<double>(now_ns - look_began_ns_);
+  // A machine that stood still, or a long way, takes nothing of the link.
+  const double pieces = std::ceil(static_cast<double>(state.size()) / link::kSnapshotPieceBytes);
+  const double took_s = std::min(1e-9 * static_cast<double>(now_ns - look_began_ns_), pieces * of_a_piece_s_);
   next_look_ns_ = now_ns + static_cast<std::int64_t>(1e9 * std::max(config_.look_s, kPause * took_s));
   be(TwinState::kWaits);
 }
@@ -309,8 +310,7 @@ double TwinRun::lag_s(std::int64_t now_ns) const noexcept {
 
 void TwinRun::watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces, double pieces_per_s,
                     std::int64_t now_ns) noexcept {
-  // As many as come at a quarter of the pace at which they are asked for take no time.
-  const double of_a_piece_s = 4 / pieces_per_s;
+  of_a_piece_s_ = kSlowest / pieces_per_s;
   if (!on()) return;
   const std::size_t more = pieces > pieces_ ? pieces - pieces_ : 0;
   pieces_ = pieces;
@@ -324,7 +324,7 @@ void TwinRun::watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pi
     return;
   }
   if (replies_flow) unconfirmed_s_ += dt_s;
-  unconfirmed_s_ = std::max(0.0, unconfirmed_s_ - of_a_piece_s * static_cast<double>(more));
+  unconfirmed_s_ = std::max(0.0, unconfirmed_s_ - of_a_piece_s_ * static_cast<double>(more));
   if (unconfirmed_s_ > unconfirmed_most_s(rtt_s)) give_up(TwinEnd::kUnconfirmed);
 }
 

@@ -11,6 +11,7 @@
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/control/companding.h"
 #include "telenano/common/control/local_slave.h"
+#include "telenano/common/link/snapshot.h"
 #include "telenano/common/link/step_log.h"
 
 namespace telenano::station {
@@ -46,7 +47,7 @@ struct TwinRunConfig {
   /// Without a confirmation or a state while replies flow, besides what the way and the transfer take.
   double unconfirmed_s = 3;
   /// While others hold a shared tip, or nobody does: its state is asked for again after so long, or after eight
-  /// times what the last one took, so that the marks on its sample are seen while they are made; 0: never.
+  /// times what the link took for the last one, so that the marks on its sample are seen while they are made; 0: never.
   double look_s = 0;
 };
 
@@ -203,6 +204,9 @@ class TwinRun {
   TwinEnd end_ = TwinEnd::kNone;
   double unconfirmed_s_ = 0;
   std::size_t pieces_ = 0;
+  // Pieces that come at a quarter of the pace at which they are asked for come as fast as the link carries them.
+  static constexpr double kSlowest = 4;
+  double of_a_piece_s_ = kSlowest / link::SnapshotFetch::kPerSecond;
   bool catching_up_ = false;
   std::uint64_t next_newest_ = 0;  // of the second twin
   Vec3 next_target_w_nm_ = Vec3::Zero();

@@ -484,6 +484,34 @@ TEST(SharedTwinLooks, TheMarksOfAnotherAreSeenWhileTheyAreMade) {
   EXPECT_EQ(a.twin().partings(), 0u);
 }
 
+// A machine that stood still for a second and a half while it looked has not found a slow link: it looks again in half a
+// second, not in twelve.
+TEST(SharedTwinLooks, AStandstillDoesNotPutOffTheNextLook) {
+  Both both("lithography", Link{40, 0, 0, 0});
+  both.steps(300);
+  const std::int64_t begun_ns = both.a.session->now_ns();
+  both.join(both.b, 1002, Rights::kObserve, [&](VirtualSessionConfig& config) {
+    config.twin_look_s = 0.5;
+    const auto codec = std::make_shared<link::Codec>();
+    const auto in = std::make_shared<link::Incoming>();
+    config.lie = [&both, begun_ns, codec, in](std::span<std::uint8_t> bytes, std::size_t n) {
+      const bool piece = codec->decode(bytes.first(n), *in) == link::DropCause::kNone &&
+                         in->type == link::MessageType::kSnapshotPiece;
+      return piece && both.a.session->now_ns() - begun_ns < 1'500'000'000 ? std::size_t{0} : n;
+    };
+  });
+  const surface::HeightView& own = *both.watched->heights;
+  const double flat_nm = lowest_nm(own);
+  both.steps(2000);
+  const surface::HeightView* const seen = both.b.twin().heights();
+  ASSERT_NE(seen, nullptr);
+  const double first_nm = flat_nm - lowest_nm(*seen);
+  both.steps(2000);
+  const double groove_nm = flat_nm - lowest_nm(own);
+  ASSERT_GT(groove_nm, 1.3 * first_nm);
+  EXPECT_GT(flat_nm - lowest_nm(*seen), 0.7 * groove_nm);
+}
+
 // Who looks on and then takes the tip has it as soon as one who did not look on, whatever was on its way.
 TEST(SharedTwinLooks, TakingTheTipDoesNotWaitForALook) {
   for (int wait = 0; wait < 600; wait += 97) {

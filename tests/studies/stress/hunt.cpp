@@ -117,11 +117,35 @@ std::vector<RunSpec> gated_ground() {
   return runs;
 }
 
+/// Commands held back within a deadband.
+std::vector<RunSpec> held_back_ground() {
+  std::vector<RunSpec> runs;
+  for (RunSpec& spec : calm_ground()) {
+    spec.deadband_nm = 0.1;
+    runs.push_back(std::move(spec));
+  }
+  return runs;
+}
+
+/// Twenty times the planned scale, and nothing that holds a force back: the hand is thrown out.
+std::vector<RunSpec> wild_ground() {
+  std::vector<RunSpec> runs = calm_ground();
+  for (RunSpec& spec : runs) spec.scale = 20;
+  return runs;
+}
+
+std::vector<RunSpec> first_ground(Mutant mutant) {
+  if (WrongWire::is_gate(mutant)) return gated_ground();
+  if (mutant == Mutant::kCommandCoarse || mutant == Mutant::kCommandLate) return held_back_ground();
+  if (mutant == Mutant::kStationNoTrip) return wild_ground();
+  return calm_ground();
+}
+
 Hunt hunt(Mutant mutant, const Scenes& scenes, std::uint64_t seed) {
   Hunt result;
   result.mutant = mutant;
   const control::Method method = mutant_info(mutant).method;
-  std::vector<RunSpec> runs = WrongWire::is_gate(mutant) ? gated_ground() : calm_ground();
+  std::vector<RunSpec> runs = first_ground(mutant);
   for (RunSpec& spec : ground()) runs.push_back(std::move(spec));
   for (RunSpec& spec : runs) {
     if (!scenes.has(spec.scene)) continue;

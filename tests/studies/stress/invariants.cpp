@@ -7,9 +7,9 @@ namespace telenano::studies::stress {
 namespace {
 
 constexpr const char* kNames[kInvariants] = {
-    "energy",  "balance", "sums",    "force",    "slew",   "stale",   "leap",    "tip",  "finite",
-    "account", "damper",  "recover", "repeat",   "felt",   "lateral", "in-time", "pull", "refusal",
-    "record",  "replies", "work",    "withdraw", "follow", "lead",    "let-go",  "jump"};
+    "energy", "balance",  "sums",   "force", "slew",    "stale",   "leap", "tip",     "finite", "account",
+    "damper", "recover",  "repeat", "felt",  "lateral", "in-time", "pull", "refusal", "record", "replies",
+    "work",   "withdraw", "follow", "lead",  "let-go",  "jump",    "sent", "path",    "trip"};
 
 /// Rounding: 1e6 terms of some millijoules in long double here and in double there: below 1e-12 J; the
 /// product's own compensated sum against ours: a thousand times that.

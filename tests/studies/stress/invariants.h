@@ -62,8 +62,11 @@ enum Invariant : std::uint32_t {
   kInvariantLetGo =
       1u << 24,  ///< neither motion nor force for a hand that has let go, or has stopped (lead_watch.h)
   kInvariantJump = 1u << 25,  ///< what the operator changes makes no step of the force (lead_watch.h)
+  kInvariantSent = 1u << 26,  ///< what the station sends says where the hand leads, in time (command_watch.h)
+  kInvariantPath = 1u << 27,  ///< the slave goes to what was sent, in its order (command_watch.h)
+  kInvariantTrip = 1u << 28,  ///< a hand that is too fast stops the station (command_watch.h)
 };
-constexpr int kInvariants = 26;
+constexpr int kInvariants = 29;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 

@@ -230,6 +230,7 @@ class MutantDevice final : public support::VirtualHand {
 }  // namespace
 
 MutantInfo mutant_info(Mutant mutant) noexcept {
+  if (mutant == Mutant::kStationNoTrip) return {mutant, Method::kNone};
   if (mutant >= Mutant::kStationHoldsClutch) return {mutant, Method::kModel};
   if (mutant == Mutant::kHeldWave) return {mutant, Method::kWave};
   if (mutant == Mutant::kFreeTank) return {mutant, Method::kTank};

@@ -85,6 +85,10 @@ namespace telenano::studies::stress {
 /// | station-old-force | station: another scale of motions is, that of forces is not |
 /// | station-too-stiff | station: accepts any scale, passive or not |
 /// | slave-slow | slave: withdraws at a fiftieth of its speed |
+/// | command-coarse | station: three times the deadband of commands |
+/// | command-late | station: five times the longest time between two commands |
+/// | slave-goes-back | slave: every 50th step goes to where the last but one had led |
+/// | station-no-trip | station: knows no hand that is too fast |
 /// | ks-half, clamp-half, tdpa-half, wave-half | `ks`, `ks-clamp`, `tdpa`, `wave`: half of the force |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;

@@ -98,7 +98,11 @@ constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "station-old-scale",
                                                                      "station-old-force",
                                                                      "station-too-stiff",
-                                                                     "slave-slow"};
+                                                                     "slave-slow",
+                                                                     "command-coarse",
+                                                                     "command-late",
+                                                                     "slave-goes-back",
+                                                                     "station-no-trip"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},

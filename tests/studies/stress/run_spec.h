@@ -129,7 +129,11 @@ enum class Mutant : std::uint8_t {
   kStationOldScale,
   kStationOldForce,
   kStationTooStiff,
-  kSlaveSlow
+  kSlaveSlow,
+  kCommandCoarse,
+  kCommandLate,
+  kSlaveGoesBack,
+  kStationNoTrip
 };
 
 /// One run, all of it: the same text gives the same bits on every machine.
@@ -195,7 +199,7 @@ std::string_view mutant_name(Mutant mutant) noexcept;
 SceneKind parse_scene_kind(std::string_view name);  ///< throws UserError, as the others
 Mutant parse_mutant(std::string_view name);
 std::string scene_kind_names();
-inline constexpr std::size_t kMutants = 74;  ///< besides kNone
+inline constexpr std::size_t kMutants = 78;  ///< besides kNone
 std::array<Mutant, kMutants> all_mutants() noexcept;
 
 /// "method=model scene=wall hand=press …": what differs from the defaults, and always the first three and the

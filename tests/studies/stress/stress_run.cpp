@@ -10,6 +10,7 @@
 #include "telenano/common/link/session_table.h"
 #include "telenano/master/station/station.h"
 #include "telenano/nve_server/slave/nve_slave.h"
+#include "tests/studies/stress/command_watch.h"
 #include "tests/studies/stress/fault_injection.h"
 #include "tests/studies/stress/felt_limits.h"
 #include "tests/studies/stress/hands.h"
@@ -212,7 +213,10 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   playout.rate_hz = spec.rate_hz;
   playout.delay_ns = nanoseconds(1e-3 * spec.playout_ms);
   playout.delay_max_ns = nanoseconds(1e-3 * playout_longest_ms(spec));
-  session.link_options.gate.deadband_nm = spec.deadband_nm;
+  session.link_options.gate.deadband_nm = spec.deadband_nm * (spec.mutant == Mutant::kCommandCoarse ? 3 : 1);
+  if (spec.mutant == Mutant::kCommandLate) session.link_options.gate.heartbeat_ns *= 5;
+  if (spec.mutant == Mutant::kStationNoTrip)
+    session.station.guaranteed_velocity_m_s = session.station.trip_velocity_m_s = 5;
   session.link_options.gate.deadband_n = spec.deadband_n;
   session.link_options.reply_deadband.permille = wrong_gate ? 0 : spec.reply_permille;
   session.link_options.reply_deadband.floor_n = spec.reply_n;
@@ -327,6 +331,34 @@ LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession&
   return tick;
 }
 
+CommandWatch::Limits command_limits(const RunSpec& spec) {
+  CommandWatch::Limits limits;
+  limits.deadband_nm = spec.deadband_nm;
+  limits.deadband_n = spec.deadband_n;
+  limits.heartbeat_s = 1e-9 * static_cast<double>(link::SendGateConfig{}.heartbeat_ns);
+  limits.trip_m_s = station::StationConfig{}.trip_velocity_m_s;
+  using control::Method;
+  const bool as_it_is = spec.method == Method::kNone || spec.method == Method::kKs ||
+                        spec.method == Method::kKsClamp || spec.method == Method::kModel;
+  limits.keeps_targets = as_it_is && spec.act != Act::kMethod && !shared_tip(spec);
+  return limits;
+}
+
+CommandWatch::Tick command_tick(const recording::Sample& row, support::VirtualSession& session) {
+  CommandWatch::Tick tick;
+  tick.time_s = row.time_s;
+  tick.interval_s = row.dt_s;
+  tick.sessions = static_cast<std::int64_t>(session.client().sessions());
+  tick.has_session = session.client().has_session();
+  tick.sent = row.sent_ns != 0;
+  tick.twin = row.method == static_cast<std::uint32_t>(control::Method::kTwin);
+  tick.target_w_nm = vec3(row.tip_target_w_nm);
+  tick.force_h_n = vec3(row.hand_force_commanded_h_n);
+  tick.hand_h_m = vec3(row.hand_pos_h_m);
+  tick.tripped = (row.station_faults & station::kFaultVelocityTrip) != 0;
+  return tick;
+}
+
 }  // namespace
 
 double planned_force_scale(const RunSpec& spec, const slave::SlaveLimits& limits) {
@@ -376,6 +408,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   WrongRecorder recorder(spec.mutant);
 
   LeadWatch lead(lead_limits(session.station().config(), session.period_s()));
+  CommandWatch commands(command_limits(spec));
   const PressTimes press = press_times(spec.seconds);
   Outcome outcome;
   LocalTouch local(spec, scenes, force_scale);
@@ -424,6 +457,12 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     if (!lead.leads()) invariants.violate(kInvariantLead, now_s);
     if (!lead.lets_go()) invariants.violate(kInvariantLetGo, now_s);
     if (!lead.is_smooth()) invariants.violate(kInvariantJump, now_s);
+    commands.look(command_tick(row, session));
+    for (const Vec3& to_w_nm : watch->follows_w_nm) commands.follows(to_w_nm);
+    watch->follows_w_nm.clear();
+    if (!commands.tells()) invariants.violate(kInvariantSent, now_s);
+    if (!commands.keeps_to_the_path()) invariants.violate(kInvariantPath, now_s);
+    if (!commands.trips()) invariants.violate(kInvariantTrip, now_s);
     if (acts.refusal_changed_something() || acts.accepted_too_stiff())
       invariants.violate(kInvariantRefusal, now_s);
 

@@ -35,6 +35,8 @@ struct SlaveWatch {
   bool keeps_said = false;              ///< all that the slave has ever said, where that is asked for:
   std::vector<RecordWatch::Said> said;  ///< after each step
   bool sums_are_work = true;            ///< of each slave (port_watch.h)
+  std::vector<Vec3>
+      follows_w_nm;    ///< where it was told to go since the last look, in the steps in which it follows
   bool rises = false;  ///< the commanded end goes up as fast as it should, or is where it can go no higher
 };
 
@@ -53,6 +55,7 @@ class WatchedSlave final : public slave::Slave {
   void step(const slave::SlaveInput& told, double dt_s, slave::SlaveOutput& output) noexcept override {
     slave::SlaveInput input = told;
     wrong_.before(inner_->limits(), dt_s, input);
+    if (input.follow && !input.retract) watch_->follows_w_nm.push_back(input.tip_target_pos_w_nm);
     inner_->step(input, dt_s, output);
     wrong_.after(dt_s, output);
     SlaveWatch& w = *watch_;

@@ -46,6 +46,13 @@ void WrongSlave::before(const slave::SlaveLimits& limits, double dt_s, slave::Sl
       input.retract = false;
       input.follow = false;
       return;
+    case Mutant::kSlaveGoesBack: {
+      const Vec3 told = to;
+      if (++steps_ % 50 == 0 && input.follow) to = before_w_nm_;
+      before_w_nm_ = last_w_nm_;
+      last_w_nm_ = told;
+      return;
+    }
     case Mutant::kSlaveDrifts:
       if (!input.follow || input.retract || !sums_) {
         summed_w_nm_ = to;

@@ -29,6 +29,8 @@ class WrongSlave {
   double free_s_ = 1e9;
   Vec3 held_w_nn_ = Vec3::Zero();
   Vec3 summed_w_nm_ = Vec3::Zero();
+  Vec3 last_w_nm_ = Vec3::Zero(), before_w_nm_ = Vec3::Zero();  // told in the last two steps
+  std::int64_t steps_ = 0;
   bool sums_ = false;
   std::uint64_t noise_ = 0x9e3779b97f4a7c15ull;
 };
