@@ -38,13 +38,17 @@ class SendGate {
       ++held_;
       return false;
     }
+    sent(command, hand_force_h_n, now_ns);
+    return true;
+  }
+  /// It is sent, whatever this says of it.
+  void sent(const Command& command, const Vec3& hand_force_h_n, std::int64_t now_ns) noexcept {
     sent_any_ = true;
     flags_ = command.flags;
     method_ = command.control.method;
     pos_w_nm_ = command.tip_pos_w_nm;
     force_h_n_ = hand_force_h_n;
     sent_ns_ = now_ns;
-    return true;
   }
   /// Another session: the next command is sent.
   void clear() noexcept { sent_any_ = false; }

@@ -85,6 +85,7 @@ bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
   if (limits_rate_ && !rate_.may_send(changed)) return false;
   gate_.widen(rate_.deadband_factor());
   if (!paced && !gate_.wants(command, output_.hand_force_h_n, now_ns)) return false;
+  if (paced) gate_.sent(command, output_.hand_force_h_n, now_ns);
   paced_ns_ = now_ns;
   paced_flags_ = command.flags;
   paced_method_ = command.control.method;

@@ -79,13 +79,15 @@ class CommandWatch {
 
  private:
   static constexpr double kRounding = 1e-9;
+  // A logged step says its place in multiples of 2⁻¹⁴ nm: both ends of a way, each half of that away on three axes.
+  static constexpr double kLoggedNm = 1.1e-4;
 
   bool may_wait(const Tick& now) const noexcept {
     const double silent_s = now.time_s - std::max(sent_s_, begun_s_);
     if (silent_s > limits_.heartbeat_s * (1 + kRounding)) return false;
     if (now.twin) return true;
     if (!sent_any_ || (limits_.deadband_nm == 0 && limits_.deadband_n == 0)) return false;
-    return (now.target_w_nm - sent_w_nm_).norm() <= limits_.deadband_nm * (1 + kRounding) &&
+    return (now.target_w_nm - sent_w_nm_).norm() <= limits_.deadband_nm + kLoggedNm &&
            (limits_.deadband_n == 0 ||
             (now.force_h_n - sent_h_n_).norm() <= limits_.deadband_n * (1 + kRounding));
   }

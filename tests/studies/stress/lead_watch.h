@@ -66,6 +66,8 @@ class LeadWatch {
     if (now.engaged) {
       const bool led = begun_ && last_.engaged && now.sessions == last_.sessions;
       unbounded_w_nm_ = led && !put_ ? led_w_nm(now) : now.target_w_nm;
+      // Where a target was put outside the workspace, not all of its way back is seen.
+      put_at_edge_ = is_at_edge(now) && (!led || put_ || put_at_edge_);
     }
     if (begun_) {
       moved_h_m_ = (now.hand_h_m - last_.hand_h_m) / last_.periods;
@@ -83,6 +85,7 @@ class LeadWatch {
   // Nanometres of some hundred in double, 1e5 sums of them.
   static constexpr double kRoundingNm = 1e-6;
   static constexpr double kNotFeltN = 0.05;
+  static constexpr double kOutsideNm = 1;   // the most that a sample holds a tip outside the workspace
   static constexpr double kInTheAirNm = 1;  // between a tip in the air and its lever's other end
 
   /// Without the workspace.
@@ -104,9 +107,17 @@ class LeadWatch {
     return near(now.target_w_nm, pos_w_nm) ||
            (now.engaged && near(now.target_w_nm, in_workspace_w_nm(now, pos_w_nm)));
   }
-  bool is_put(const Tick& now) const noexcept {
-    return now.put_anywhere || is_at(now, now.tip_w_nm) || is_at(now, now.held_w_nm) ||
-           is_at(now, last_.tip_w_nm) || is_at(now, last_.held_w_nm);
+  static bool is_at_edge(const Tick& now) noexcept {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double at = now.target_w_nm[axis];
+      const bool bounded = now.lowest_w_nm[axis] < now.highest_w_nm[axis];
+      if (bounded && (at <= now.lowest_w_nm[axis] || at >= now.highest_w_nm[axis])) return true;
+    }
+    return false;
+  }
+  static bool is_put(const Tick& now, const Tick& last) noexcept {
+    return is_at(now, now.tip_w_nm) || is_at(now, now.held_w_nm) || is_at(now, last.tip_w_nm) ||
+           is_at(now, last.held_w_nm) || now.put_anywhere;
   }
 
   bool is_led(const Tick& now) noexcept {
@@ -114,8 +125,9 @@ class LeadWatch {
     if (now.sessions != last_.sessions) was_up_ = false;
     if (now.sessions != last_.sessions) return now.logs || near(now.target_w_nm, now.begins_w_nm);
     if (now.engaged && last_.engaged) {
-      if (near(now.target_w_nm, in_workspace_w_nm(now, led_w_nm(now)))) return true;
-      return put_ = is_put(now);
+      const double off_nm = (now.target_w_nm - in_workspace_w_nm(now, led_w_nm(now))).norm();
+      if (off_nm <= kRoundingNm) return true;
+      return put_ = is_put(now, last_) || (put_at_edge_ && off_nm <= kOutsideNm);
     }
     if (now.retracted) was_up_ = true;
     if (now.engaged && was_up_) {
@@ -124,7 +136,7 @@ class LeadWatch {
       return now.put_anywhere || now.logs || (now.target_w_nm - now.tip_w_nm).norm() <= kInTheAirNm ||
              (now.target_w_nm - now.held_w_nm).norm() <= kInTheAirNm;
     }
-    return is_at(now, last_.target_w_nm) || is_put(now);
+    return is_at(now, last_.target_w_nm) || is_put(now, last_);
   }
 
   bool is_let_go(const Tick& now) noexcept {
@@ -155,7 +167,7 @@ class LeadWatch {
   Vec3 unbounded_w_nm_ = Vec3::Zero();
   Vec3 moved_h_m_ = Vec3::Zero();  // in a period, before the last tick
   double changed_n_ = 0;           // of what was shown, in the last tick
-  bool put_ = false;
+  bool put_ = false, put_at_edge_ = false;
   bool was_up_ = false;
   double let_go_since_s_ = -1;
   bool wrong_ = false, holds_on_ = false, jumps_ = false;

@@ -84,7 +84,11 @@ TEST(LeadWatch, ATargetOutsideTheWorkspaceComesBackIntoItWhenEngaged) {
     b.now.tip_w_nm = b.now.target_w_nm = Vec3(0, 0, -100.5);
     b.tick();
     b.now.engaged = true;
-    b.now.target_w_nm.z() = right ? -100 : -99.5;
+    b.now.target_w_nm.z() = -100;
+    b.tick();
+    // It is led from where it was put, half a nanometre outside.
+    b.now.hand_h_m.z() += 2e-3;
+    b.now.target_w_nm.z() = right ? -98.5 : -96;
     b.tick();
     EXPECT_EQ(b.watch.leads(), right);
   }

@@ -295,7 +295,7 @@ LeadWatch::Limits lead_limits(const station::StationConfig& station, double peri
 }
 
 /// `hand_h_m` and `buttons`: when the tick began. `waits`: replies do, until they are shown. `steady`: between two ticks the
-/// force changes by what the hand and the operator do, and by nothing that waited or was late.
+/// force changes by what the hand and the operator do, and by nothing that waited or was late, or shown by the encoder's steps.
 LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession& session,
                           const OperatorActs& acts, const Vec3& hand_h_m, std::uint32_t buttons, int periods,
                           bool waits, bool steady) {
@@ -453,7 +453,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     local.add(row, session.period_s() * periods, acts.scaling().force,
               acts.quiet_s(t_s) > 0.3 + 2e-3 * spec.rtt_ms);
     lead.look(lead_tick(row, session, acts, seen_h_m, buttons, periods, what.waits_s > 0,
-                        what.waits_s == 0 && spec.late == 0 && is_task(spec.hand)));
+                        what.waits_s == 0 && spec.late == 0 && spec.quantum_m == 0 && is_task(spec.hand)));
     if (!lead.leads()) invariants.violate(kInvariantLead, now_s);
     if (!lead.lets_go()) invariants.violate(kInvariantLetGo, now_s);
     if (!lead.is_smooth()) invariants.violate(kInvariantJump, now_s);

@@ -45,6 +45,15 @@ TEST(SendGate, SendsWhatSaysSomethingNew) {
   EXPECT_TRUE(wants(stop, 0.11)) << "another session";
 }
 
+// With a twin the loop has a pace of its own: what goes by that is the last one sent too.
+TEST(SendGate, WhatWasSentWithoutAskingCounts) {
+  SendGate gate({0.5, 0, 10 * kTickNs});
+  EXPECT_TRUE(gate.wants(at(0), Vec3::Zero(), kTickNs));
+  gate.sent(at(3), Vec3::Zero(), 2 * kTickNs);
+  EXPECT_FALSE(gate.wants(at(3.5), Vec3::Zero(), 3 * kTickNs));
+  EXPECT_TRUE(gate.wants(at(0), Vec3::Zero(), 4 * kTickNs)) << "near the one before only";
+}
+
 TEST(SendGate, BeatsWhenNothingChangesAndBoundsTheError) {
   const SendGateConfig config{0.5, 0, 10 * kTickNs};
   SendGate gate(config);
