@@ -37,8 +37,13 @@ class StandStills:
 
     def __init__(self):
         self.seen = []
+        self.started = False
 
     def start(self):
+        """Once in a process; again is nothing."""
+        if self.started:
+            return
+        self.started = True
         for processor in os.sched_getaffinity(0):
             threading.Thread(target=self.watch, args=(processor,), daemon=True).start()
 
@@ -118,6 +123,7 @@ class Rig(unittest.TestCase):
     def run(self, result=None):
         if result is None:
             result = self.defaultTestResult()
+        STAND_STILLS.start()
         for left in reversed(range(5)):
             STAND_STILLS.seen.clear()
             own = unittest.TestResult()
@@ -652,5 +658,4 @@ class Heartbeats(Rig):
 
 
 if __name__ == "__main__":
-    STAND_STILLS.start()
     sys.exit(side_by_side.main(4, at_once=4))  # each case waits for most of its time: for an approach, a touch, a silence

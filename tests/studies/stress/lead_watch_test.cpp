@@ -166,6 +166,28 @@ TEST(LeadWatch, SeesAStationThatHoldsOn) {
   EXPECT_FALSE(stopped.watch.lets_go());
 }
 
+// Another operator leads the shared tip aside: this hand, which goes down meanwhile, must not press it.
+TEST(LeadWatch, SeesATipThatAHandMovesThatDoesNotHaveIt) {
+  for (const bool right : {true, false}) {
+    LedStation b;
+    b.go(100);
+    b.now.engaged = false;
+    b.now.observes = b.now.is_anothers = true;
+    b.now.slave_z_w_nm = b.now.target_w_nm.z();
+    for (int k = 0; k < 100; ++k) {
+      b.now.hand_h_m.z() -= 1e-4;
+      if (!right) b.now.slave_z_w_nm -= 0.1;
+      b.tick();
+    }
+    EXPECT_EQ(b.watch.lets_go(), right);
+    // What it does by its own clock is nobody's.
+    b.now.withdraws = true;
+    b.now.slave_z_w_nm += 50;
+    b.tick();
+    EXPECT_EQ(b.watch.lets_go(), right);
+  }
+}
+
 TEST(LeadWatch, SeesAJumpOfTheForce) {
   for (const double jump_n : {0.04, 0.2}) {
     LedStation b;

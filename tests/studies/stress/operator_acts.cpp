@@ -7,11 +7,11 @@
 namespace telenano::studies::stress {
 namespace {
 
-/// Holds still, whatever pushes.
-class StillHand final : public support::VirtualHand {
+/// Goes aside and back, whatever pushes: the height of the tip it leaves alone.
+class SidewaysHand final : public support::VirtualHand {
  public:
-  StillHand() {
-    info_.name = "still hand";
+  SidewaysHand() {
+    info_.name = "sideways hand";
     info_.force_max_n = 12;
     info_.damping_n_s_m = 2;
     info_.mass_kg = 0.25;
@@ -20,14 +20,17 @@ class StillHand final : public support::VirtualHand {
   const device::DeviceInfo& info() const noexcept override { return info_; }
   void read(device::DeviceReading& reading) noexcept override {
     reading.status = device::DeviceStatus::kOk;
-    reading.hand_pos_h_m.setZero();
+    const double part = kHz * time_s_ - std::floor(kHz * time_s_);
+    reading.hand_pos_h_m = {kWayM * (4 * std::fabs(part - 0.5) - 1), 0, 0};
     reading.buttons = device::kButtonDeadman;
   }
   Vec3 write_force(const Vec3& force_h_n) noexcept override { return force_h_n; }
-  void advance(std::int64_t) noexcept override {}
+  void advance(std::int64_t dt_ns) noexcept override { time_s_ += 1e-9 * static_cast<double>(dt_ns); }
   void start_motion() noexcept override {}
 
  private:
+  static constexpr double kWayM = 0.005, kHz = 0.7;
+  double time_s_ = 0;
   device::DeviceInfo info_;
 };
 
@@ -50,7 +53,7 @@ OperatorActs::OperatorActs(const RunSpec& spec, support::VirtualSession& session
   rival.start_ns = session.now_ns();
   rival.port = kRivalPort;
   rival.seed = spec.seed + 1;
-  rival.hand = std::make_shared<StillHand>();
+  rival.hand = std::make_shared<SidewaysHand>();
   rival.station = session.station().config();
   rival.tip_wish = link::kFlagHandOver;
   rival_ = std::make_unique<support::VirtualSession>(rival);
@@ -85,6 +88,7 @@ void OperatorActs::change_scale(double velocity, double force) noexcept {
 void OperatorActs::take_over(bool rival) noexcept {
   session_.loop().set_tip_wish(rival ? link::kFlagHandOver : link::kFlagTakeOver);
   rival_->loop().set_tip_wish(rival ? link::kFlagTakeOver : link::kFlagHandOver);
+  rivals_turn_ = rival;
 }
 
 double OperatorActs::quiet_s(double t_s) const noexcept {

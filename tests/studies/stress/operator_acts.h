@@ -23,7 +23,7 @@ namespace telenano::studies::stress {
 ///   stop       stopped, and cleared after kClutchS
 ///   task       another task: the hand goes on to it from where it is (hands.cpp), and the station's companding is
 ///              that of another task
-///   take-over  of a shared tip: another operator, who holds still, takes it, and gives it back after kClutchS
+///   take-over  of a shared tip: another operator takes it, leads it aside, and gives it back after kClutchS
 class OperatorActs {
  public:
   static constexpr double kActEveryS = 0.7;
@@ -56,6 +56,10 @@ class OperatorActs {
   /// Scale, method or task were changed before this tick.
   bool changed_now() const noexcept { return changed_now_; }
   bool rescaled_now() const noexcept { return rescaled_now_; }
+  /// The other operator has the shared tip, and nobody has asked for it yet.
+  bool is_rivals() const noexcept {
+    return rivals_turn_ && rival_->client().has_reply() && rival_->client().reply().tip.hold != 0;
+  }
   /// So long ago was the last act, and the end of what it holds.
   double quiet_s(double t_s) const noexcept;
   /// Stopped and not cleared yet.
@@ -84,6 +88,7 @@ class OperatorActs {
   station::Station& station_;
   StressHand& hand_;
   std::unique_ptr<support::VirtualSession> rival_;  // another operator of the same tip
+  bool rivals_turn_ = false;
   int done_ = 0;
   bool held_ = true;
   std::int64_t refused_ = 0;

@@ -298,7 +298,7 @@ LeadWatch::Limits lead_limits(const station::StationConfig& station, double peri
 /// force changes by what the hand and the operator do, and by nothing that waited or was late, or shown by the encoder's steps.
 LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession& session,
                           const OperatorActs& acts, const Vec3& hand_h_m, std::uint32_t buttons, int periods,
-                          bool waits, bool steady) {
+                          const SlaveWatch& slave, bool waits, bool steady) {
   const link::Welcome& welcome = session.client().welcome();
   LeadWatch::Tick tick;
   tick.time_s = row.time_s;
@@ -318,6 +318,12 @@ LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession&
   tick.retracted = (row.fault_bits & link::kFaultRetracted) != 0 && 1e-6 * row.rtt_us < kKnownS && !waits;
   tick.observes = (welcome.feature_bits & link::kFeatureSharing) != 0 && !waits &&
                   session.client().has_reply() && session.client().reply().tip.hold == 0;
+  // Methods that hold no positions go on to where they have lagged, for whoever has the tip.
+  const bool holds_positions = row.method != static_cast<std::uint32_t>(control::Method::kWave) &&
+                               row.method != static_cast<std::uint32_t>(control::Method::kTdpa);
+  tick.is_anothers = acts.is_rivals() && holds_positions;
+  tick.withdraws = slave.retracted || slave.rises;
+  tick.slave_z_w_nm = slave.commanded_w_nm.z();
   tick.clutch = (buttons & device::kButtonClutch) != 0;
   tick.stopped = acts.stopped();
   tick.acted = acts.changed_now() && steady;
@@ -452,7 +458,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     faults.step(row, *hand, *watch, t_s, invariants);
     local.add(row, session.period_s() * periods, acts.scaling().force,
               acts.quiet_s(t_s) > 0.3 + 2e-3 * spec.rtt_ms);
-    lead.look(lead_tick(row, session, acts, seen_h_m, buttons, periods, what.waits_s > 0,
+    lead.look(lead_tick(row, session, acts, seen_h_m, buttons, periods, *watch, what.waits_s > 0,
                         what.waits_s == 0 && spec.late == 0 && spec.quantum_m == 0 && is_task(spec.hand)));
     if (!lead.leads()) invariants.violate(kInvariantLead, now_s);
     if (!lead.lets_go()) invariants.violate(kInvariantLetGo, now_s);
