@@ -202,7 +202,7 @@ TEST_F(SessionsTest, ACacheThatHoldsNothingOrIsSharedKeepsNobodyFromATwin) {
   const auto with_cache = [&](const std::string& folder) {
     std::vector<std::string> command{"/usr/bin/env", "XDG_CACHE_HOME=" + folder};
     for (const std::string& word :
-         talking(server, {"--task", "contact", "--duration-s", "1", "--method", "twin"}))
+         talking(server, {"--task", "contact", "--duration-s", "3", "--method", "twin"}))
       command.push_back(word);
     return command;
   };
