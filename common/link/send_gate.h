@@ -41,7 +41,7 @@ class SendGate {
     sent(command, hand_force_h_n, now_ns);
     return true;
   }
-  /// It is sent, whatever this says of it.
+  /// The command is sent without being asked for here: by a twin's own pace.
   void sent(const Command& command, const Vec3& hand_force_h_n, std::int64_t now_ns) noexcept {
     sent_any_ = true;
     flags_ = command.flags;

@@ -84,8 +84,11 @@ bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
   const bool changed = command.flags != paced_flags_ || command.control.method != paced_method_;
   if (limits_rate_ && !rate_.may_send(changed)) return false;
   gate_.widen(rate_.deadband_factor());
-  if (!paced && !gate_.wants(command, output_.hand_force_h_n, now_ns)) return false;
-  if (paced) gate_.sent(command, output_.hand_force_h_n, now_ns);
+  if (paced) {
+    gate_.sent(command, output_.hand_force_h_n, now_ns);
+  } else if (!gate_.wants(command, output_.hand_force_h_n, now_ns)) {
+    return false;
+  }
   paced_ns_ = now_ns;
   paced_flags_ = command.flags;
   paced_method_ = command.control.method;

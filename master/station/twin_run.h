@@ -204,7 +204,7 @@ class TwinRun {
   TwinEnd end_ = TwinEnd::kNone;
   double unconfirmed_s_ = 0;
   std::size_t pieces_ = 0;
-  // Pieces that come at a quarter of the pace at which they are asked for come as fast as the link carries them.
+  // The longest that a piece may take of the link: four times its share of the pace at which pieces are asked for.
   static constexpr double kSlowest = 4;
   double of_a_piece_s_ = kSlowest / link::SnapshotFetch::kPerSecond;
   bool catching_up_ = false;

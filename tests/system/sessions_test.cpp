@@ -128,8 +128,8 @@ Replayed replayed(const std::string& file) {
 }
 
 // At a shared tip the last groove is taken back: by who has made it, and by nobody else with the same right. Who looks
-// on records the sample without it, and the session is replayed to its end with the same bits. A state on a busy machine
-// takes its time, and the next look at one eight times as long.
+// on records the sample without it, and the session is replayed to its end with the same bits. A state takes its
+// time on a busy machine.
 TEST_F(SessionsTest, MarksAreTakenBackAtASharedTipByWhoMadeThem) {
   const std::string script =
       write("groove.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1,0,0,-8\n2,15,0,-8\n2.5,15,0,30\n18,15,0,30\n");

@@ -15,28 +15,23 @@ namespace telenano::studies::stress {
 ///          deadband the target is no further from the last one sent than that, nor the force from what it was then
 ///   path   the slave goes to targets that were sent, in the order in which they were: where a datagram repeats what was
 ///          lost, too (for methods that leave the command as it is)
-///   trip   a hand that was faster than the trip speed in an interval has stopped the station
 class CommandWatch {
  public:
   struct Limits {
     double deadband_nm = 0, deadband_n = 0;
     double heartbeat_s = 0.010;  ///< SendGateConfig, and LinkOptions::step_pace_ns with a twin
-    double trip_m_s = 0.5;
-    bool keeps_targets = true;  ///< the method leaves the command as it is, and nobody else moves the tip
+    bool keeps_targets = true;   ///< the method leaves the command as it is, and nobody else moves the tip
   };
   explicit CommandWatch(const Limits& limits) noexcept : limits_(limits) {}
 
   struct Tick {
     double time_s = 0;
-    double interval_s = 1e-3;  ///< since the tick before
     std::int64_t sessions = 0;
     bool has_session = false;
     bool sent = false;
     bool twin = false;  ///< is felt
     Vec3 target_w_nm = Vec3::Zero();
     Vec3 force_h_n = Vec3::Zero();
-    Vec3 hand_h_m = Vec3::Zero();
-    bool tripped = false;
   };
 
   void look(const Tick& now) {
@@ -53,11 +48,6 @@ class CommandWatch {
     } else if (now.has_session && !may_wait(now)) {
       holds_back_ = true;
     }
-    if (begun_ &&
-        (now.hand_h_m - last_.hand_h_m).norm() > limits_.trip_m_s * now.interval_s * (1 + kRounding) &&
-        !now.tripped)
-      runs_on_ = true;
-    begun_ = true;
     last_ = now;
   }
 
@@ -75,7 +65,6 @@ class CommandWatch {
 
   bool tells() const noexcept { return !holds_back_; }
   bool keeps_to_the_path() const noexcept { return !strays_; }
-  bool trips() const noexcept { return !runs_on_; }
 
  private:
   static constexpr double kRounding = 1e-9;
@@ -93,14 +82,13 @@ class CommandWatch {
   }
 
   Limits limits_;
-  bool begun_ = false;
   Tick last_;
   bool sent_any_ = false;  // in this session
   double sent_s_ = 0, begun_s_ = 0;
   Vec3 sent_w_nm_ = Vec3::Zero(), sent_h_n_ = Vec3::Zero();
   std::vector<Vec3> on_the_way_;  // all that were sent
   std::size_t next_ = 0;          // the last one that the slave went to
-  bool holds_back_ = false, strays_ = false, runs_on_ = false;
+  bool holds_back_ = false, strays_ = false;
 };
 
 }  // namespace telenano::studies::stress

@@ -5,12 +5,11 @@
 namespace telenano::studies::stress {
 namespace {
 
-/// A hand that goes down by 0.1 mm a tick, 0.1 nm at the tip, and a station that sends each tick of it.
+/// A target that goes down by 0.1 nm a tick.
 struct Sending {
   explicit Sending(const CommandWatch::Limits& limits = {}) : watch(limits) { now.has_session = true; }
   void tick(bool sent) {
     now.time_s += 1e-3;
-    now.hand_h_m.z() -= 1e-4;
     now.target_w_nm.z() -= 0.1;
     now.sent = sent;
     watch.look(now);
@@ -82,18 +81,6 @@ TEST(CommandWatch, TheSlaveGoesWhereItWasSentInOrder) {
   elsewhere.tick(true);
   elsewhere.watch.follows({0, 0, -0.05});
   EXPECT_FALSE(elsewhere.watch.keeps_to_the_path());
-}
-
-TEST(CommandWatch, AHandThatIsTooFastStopsTheStation) {
-  for (const bool right : {true, false}) {
-    Sending thrown;
-    thrown.tick(true);
-    thrown.now.hand_h_m.x() += 6e-4;
-    thrown.now.tripped = right;
-    thrown.tick(true);
-    EXPECT_EQ(thrown.watch.trips(), right);
-    EXPECT_TRUE(thrown.watch.tells());
-  }
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "telenano/master/station/station.h"
+
 namespace telenano::studies::stress {
 namespace {
 
@@ -119,6 +121,12 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   const bool told = limits_.stop_s > 0 && stopped_since_s_ >= 0 && time_s - stopped_since_s_ > limits_.stop_s;
   const bool deserted = limits_.silence_s > 0 && around.silent_s > limits_.silence_s;
   if ((told || deserted) && !slave.rises) violate(kInvariantWithdraw, time_s);
+
+  const Vec3 hand_h_m = vec3(row.hand_pos_h_m);
+  const bool fast =
+      last_tick_s_ >= 0 && (hand_h_m - last_h_m_).norm() > limits_.trip_m_s * row.dt_s * (1 + 1e-9);
+  if (fast && (row.station_faults & station::kFaultVelocityTrip) == 0) violate(kInvariantTrip, time_s);
+  last_h_m_ = hand_h_m;
 
   // Forces. Rounding of some newtons: far below 1e-9 of them.
   if (norm_n > limits_.force_limit_n * (1 + 1e-12)) violate(kInvariantForce, time_s);

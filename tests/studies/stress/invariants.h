@@ -64,7 +64,7 @@ enum Invariant : std::uint32_t {
   kInvariantJump = 1u << 25,  ///< what the operator changes makes no step of the force (lead_watch.h)
   kInvariantSent = 1u << 26,  ///< what the station sends says where the hand leads, in time (command_watch.h)
   kInvariantPath = 1u << 27,  ///< the slave goes to what was sent, in its order (command_watch.h)
-  kInvariantTrip = 1u << 28,  ///< a hand that is too fast stops the station (command_watch.h)
+  kInvariantTrip = 1u << 28,  ///< a hand that was faster than the trip speed has stopped the station
 };
 constexpr int kInvariants = 29;
 const char* invariant_name(std::uint32_t bit) noexcept;
@@ -87,6 +87,7 @@ class InvariantWatch {
     control::Method method = control::Method::kModel;
     double allowance_j = 0.010;
     double velocity_max_m_s = 0.5;
+    double trip_m_s = 0.5;
     double period_s = 1e-3;
     double force_limit_n = 0;
     double slew_n_s = 4000;
@@ -149,6 +150,7 @@ class InvariantWatch {
   double least_margin_j_ = 1e300;
   double most_generated_j_ = 0;
   Vec3 last_h_n_ = Vec3::Zero();
+  Vec3 last_h_m_ = Vec3::Zero();
   double in_j_ = 0, out_j_ = 0;
   std::int64_t last_reply_ns_ = -1;
   double last_news_s_ = -1e9;  ///< was shown

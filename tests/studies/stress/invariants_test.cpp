@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "telenano/common/control/methods.h"
+#include "telenano/master/station/station.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/stress_hand.h"
 
@@ -255,6 +256,23 @@ TEST(Invariants, ASlaveThatDoesNotWithdrawIsFlagged) {
   EXPECT_EQ(flagged(stop, true, 33), 0u);
   EXPECT_EQ(flagged([](Bench& b) { b.silent_s = 1.9; }, false, 1), 0u);
   EXPECT_EQ(flagged([](Bench& b) { b.silent_s = 2.1; }, false, 1), kInvariantWithdraw);
+}
+
+TEST(Invariants, AHandThatWasTooFastAndDidNotStopTheStationIsFlagged) {
+  const auto flagged = [](double moved_m, double interval_s, std::uint32_t faults) {
+    Bench bench;
+    bench.row.dt_s = interval_s;
+    bench.row.hand_pos_h_m[0] = 0.1;  // where it begins is no motion
+    bench.tick(0);
+    bench.row.hand_pos_h_m[0] -= moved_m;
+    bench.row.station_faults = faults;
+    bench.tick(0);
+    return bench.violated();
+  };
+  EXPECT_EQ(flagged(4.9e-4, 1e-3, 0), 0u);
+  EXPECT_EQ(flagged(5.1e-4, 1e-3, 0), kInvariantTrip);
+  EXPECT_EQ(flagged(5.1e-4, 1e-3, station::kFaultVelocityTrip), 0u);
+  EXPECT_EQ(flagged(9e-4, 2e-3, 0), 0u) << "a tick that came late";
 }
 
 // Replies that wait to be shown: what counts is what was shown, and that does not outlive what came by more

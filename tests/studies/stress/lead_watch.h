@@ -47,13 +47,13 @@ class LeadWatch {
     bool observes = false;   ///< another session moves the tip, as the newest reply says
     bool clutch = false;     ///< the hand holds it
     bool stopped = false;
-    bool acted = false;         ///< the operator changed scale, method or task just now
-    bool is_anothers = false;   ///< another session has the shared tip, and moves it along the ground only
-    bool withdraws = false;     ///< the slave
-    double slave_z_w_nm = 0;    ///< of its commanded end
-    bool put_anywhere = false;  ///< where the tip is, is not known here
-    std::int64_t sessions = 0;  ///< so far
-    bool logs = false;          ///< of steps
+    bool acted = false;            ///< the operator changed scale, method or task just now
+    bool another_has_tip = false;  ///< another session has the shared tip, and moves it along the ground only
+    bool withdraws = false;        ///< the slave
+    double slave_z_w_nm = 0;       ///< of its commanded end
+    bool put_anywhere = false;     ///< where the tip is, is not known here
+    std::int64_t sessions = 0;     ///< so far
+    bool logs = false;             ///< of steps
     Vec3 begins_w_nm = Vec3::Zero();  ///< that the Welcome says
     Vec3 lowest_w_nm = Vec3::Zero(),
          highest_w_nm = Vec3::Zero();  ///< of the workspace; without volume: no bound
@@ -89,9 +89,9 @@ class LeadWatch {
   // Nanometres of some hundred in double, 1e5 sums of them.
   static constexpr double kRoundingNm = 1e-6;
   static constexpr double kNotFeltN = 0.05;
-  static constexpr double kAsidesNm = 0.1;  // a lag that is caught up for the one who has the tip now
-  static constexpr double kOutsideNm = 1;   // the most that a sample holds a tip outside the workspace
-  static constexpr double kInTheAirNm = 1;  // between a tip in the air and its lever's other end
+  static constexpr double kCatchUpNm = 0.1;  // a lag that is caught up for the one who has the tip now
+  static constexpr double kOutsideNm = 1;    // the most that a sample holds a tip outside the workspace
+  static constexpr double kInTheAirNm = 1;   // between a tip in the air and its lever's other end
 
   /// Without the workspace.
   Vec3 led_w_nm(const Tick& now) const noexcept {
@@ -145,8 +145,8 @@ class LeadWatch {
   }
 
   bool is_let_go(const Tick& now) noexcept {
-    if (!now.is_anothers || !last_.is_anothers || now.withdraws) anothers_z_w_nm_ = now.slave_z_w_nm;
-    if (std::fabs(now.slave_z_w_nm - anothers_z_w_nm_) > kAsidesNm) return false;
+    if (!now.another_has_tip || !last_.another_has_tip || now.withdraws) given_z_w_nm_ = now.slave_z_w_nm;
+    if (std::fabs(now.slave_z_w_nm - given_z_w_nm_) > kCatchUpNm) return false;
     const bool free = !now.clutch && !now.stopped && !now.observes;
     if (free) {
       let_go_since_s_ = -1;
@@ -177,7 +177,7 @@ class LeadWatch {
   bool put_ = false, put_at_edge_ = false;
   bool was_up_ = false;
   double let_go_since_s_ = -1;
-  double anothers_z_w_nm_ = 0;
+  double given_z_w_nm_ = 0;
   bool wrong_ = false, holds_on_ = false, jumps_ = false;
 };
 

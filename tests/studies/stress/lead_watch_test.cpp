@@ -172,7 +172,7 @@ TEST(LeadWatch, SeesATipThatAHandMovesThatDoesNotHaveIt) {
     LedStation b;
     b.go(100);
     b.now.engaged = false;
-    b.now.observes = b.now.is_anothers = true;
+    b.now.observes = b.now.another_has_tip = true;
     b.now.slave_z_w_nm = b.now.target_w_nm.z();
     for (int k = 0; k < 100; ++k) {
       b.now.hand_h_m.z() -= 1e-4;

@@ -57,7 +57,7 @@ class OperatorActs {
   bool changed_now() const noexcept { return changed_now_; }
   bool rescaled_now() const noexcept { return rescaled_now_; }
   /// The other operator has the shared tip, and nobody has asked for it yet.
-  bool is_rivals() const noexcept {
+  bool rival_has_tip() const noexcept {
     return rivals_turn_ && rival_->client().has_reply() && rival_->client().reply().tip.hold != 0;
   }
   /// So long ago was the last act, and the end of what it holds.

@@ -237,6 +237,7 @@ InvariantWatch::Limits invariant_limits(const RunSpec& spec, const support::Virt
   what.method = spec.method == control::Method::kTwin && !config.twin ? control::Method::kModel : spec.method;
   what.allowance_j = station.allowance_j;
   what.velocity_max_m_s = station.guaranteed_velocity_m_s;
+  what.trip_m_s = station::StationConfig{}.trip_velocity_m_s;
   what.period_s = session.period_s();
   what.force_limit_n = station.force_safety * kForceMaxN;
   what.slew_n_s = station.slew_n_s;
@@ -321,7 +322,7 @@ LeadWatch::Tick lead_tick(const recording::Sample& row, support::VirtualSession&
   // Methods that hold no positions go on to where they have lagged, for whoever has the tip.
   const bool holds_positions = row.method != static_cast<std::uint32_t>(control::Method::kWave) &&
                                row.method != static_cast<std::uint32_t>(control::Method::kTdpa);
-  tick.is_anothers = acts.is_rivals() && holds_positions;
+  tick.another_has_tip = acts.rival_has_tip() && holds_positions;
   tick.withdraws = slave.retracted || slave.rises;
   tick.slave_z_w_nm = slave.commanded_w_nm.z();
   tick.clutch = (buttons & device::kButtonClutch) != 0;
@@ -342,7 +343,6 @@ CommandWatch::Limits command_limits(const RunSpec& spec) {
   limits.deadband_nm = spec.deadband_nm;
   limits.deadband_n = spec.deadband_n;
   limits.heartbeat_s = 1e-9 * static_cast<double>(link::SendGateConfig{}.heartbeat_ns);
-  limits.trip_m_s = station::StationConfig{}.trip_velocity_m_s;
   using control::Method;
   const bool as_it_is = spec.method == Method::kNone || spec.method == Method::kKs ||
                         spec.method == Method::kKsClamp || spec.method == Method::kModel;
@@ -353,15 +353,12 @@ CommandWatch::Limits command_limits(const RunSpec& spec) {
 CommandWatch::Tick command_tick(const recording::Sample& row, support::VirtualSession& session) {
   CommandWatch::Tick tick;
   tick.time_s = row.time_s;
-  tick.interval_s = row.dt_s;
   tick.sessions = static_cast<std::int64_t>(session.client().sessions());
   tick.has_session = session.client().has_session();
   tick.sent = row.sent_ns != 0;
   tick.twin = row.method == static_cast<std::uint32_t>(control::Method::kTwin);
   tick.target_w_nm = vec3(row.tip_target_w_nm);
   tick.force_h_n = vec3(row.hand_force_commanded_h_n);
-  tick.hand_h_m = vec3(row.hand_pos_h_m);
-  tick.tripped = (row.station_faults & station::kFaultVelocityTrip) != 0;
   return tick;
 }
 
@@ -468,7 +465,6 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     watch->follows_w_nm.clear();
     if (!commands.tells()) invariants.violate(kInvariantSent, now_s);
     if (!commands.keeps_to_the_path()) invariants.violate(kInvariantPath, now_s);
-    if (!commands.trips()) invariants.violate(kInvariantTrip, now_s);
     if (acts.refusal_changed_something() || acts.accepted_too_stiff())
       invariants.violate(kInvariantRefusal, now_s);
 
