@@ -62,4 +62,10 @@ enum class SensorFault : std::uint8_t {
   kSwapped,   ///< with the lateral signal: volts of the one come as the other's
 };
 
+/// What becomes of a Withdraw that is answered as if it were carried out.
+enum class WithdrawFault : std::uint8_t {
+  kUndone,  ///< nothing moves, the status stays
+  kHalf,    ///< it ends half way up
+};
+
 }  // namespace telenano::afm_sim

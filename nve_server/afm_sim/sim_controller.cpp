@@ -106,6 +106,10 @@ double SimController::retracted_nm() const noexcept {
   return std::min(end, 1e9 * (config_.z_sign > 0 ? limit_high_m_ : -limit_low_m_));
 }
 
+double SimController::withdraw_to_nm() const noexcept {
+  return half_way_ ? half_way_nm_ : retracted_nm();
+}
+
 double SimController::lowest_nm() const noexcept {
   const double end = -0.5 * config_.range_z_nm;
   if (!limits_on_) return end;
@@ -180,8 +184,9 @@ void SimController::step(double dt_s) noexcept {
     }
     case ZStatus::kWithdrawing:
     case ZStatus::kSafeTip:
-      piezo_nm_.z() = std::min(piezo_nm_.z() + config_.withdraw_nm_s * dt_s, retracted_nm());
-      if (status_ == ZStatus::kWithdrawing && withdrawn()) status_ = ZStatus::kOff;
+      piezo_nm_.z() = std::min(piezo_nm_.z() + config_.withdraw_nm_s * dt_s, withdraw_to_nm());
+      if (status_ == ZStatus::kWithdrawing && piezo_nm_.z() >= withdraw_to_nm() - 1e-3)
+        status_ = ZStatus::kOff;
       break;
     case ZStatus::kSwitchingOff:
       if (now_ns_ >= off_at_ns_) {
@@ -203,6 +208,7 @@ void SimController::step(double dt_s) noexcept {
   if (safe_tip_on_ && std::fabs(safe_tip_signal()) > safe_tip_[2] && status_ != ZStatus::kSafeTip &&
       status_ != ZStatus::kWithdrawing) {
     status_ = ZStatus::kSafeTip;
+    half_way_ = false;
     target_nm_ = piezo_nm_;
     ++safe_tips_;
   }
@@ -296,6 +302,11 @@ void SimController::switch_z(bool on, std::int64_t now_ns) noexcept {
 
 void SimController::withdraw(const Call& call, std::int64_t now_ns, Pending& pending) {
   const auto& in = call.numbers;
+  const bool fails = withdraw_faults_ != 0;
+  if (withdraw_faults_ > 0) --withdraw_faults_;
+  if (fails && withdraw_fault_ == WithdrawFault::kUndone) return;
+  half_way_ = fails;
+  half_way_nm_ = 0.5 * (piezo_nm_.z() + retracted_nm());
   status_ = ZStatus::kWithdrawing;
   if (in[0] == 0) return;
   pending.wait = Pending::Wait::kWithdrawn;
@@ -474,7 +485,9 @@ SimController::Pending SimController::begin(const Call& call, int port, std::int
 bool SimController::finish(Pending& pending, std::int64_t now_ns) {
   advance_to(now_ns);
   if (now_ns < pending.ready_ns) return false;
-  if (pending.wait == Pending::Wait::kWithdrawn && !withdrawn() && now_ns < pending.deadline_ns) return false;
+  if (pending.wait == Pending::Wait::kWithdrawn && piezo_nm_.z() < withdraw_to_nm() - 1e-3 &&
+      now_ns < pending.deadline_ns)
+    return false;
   if (pending.wait == Pending::Wait::kArrived && piezo_nm_.head<2>() != target_nm_.head<2>()) return false;
   if (pending.reads && pending.answer.error == 0) {
     pending.answer.numbers.clear();

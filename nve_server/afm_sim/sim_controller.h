@@ -49,6 +49,11 @@ class SimController {
 
   /// From now on.
   void set_sensor_fault(SensorFault fault) noexcept;
+  /// The next `count` withdrawals; negative: all.
+  void set_withdraw_fault(WithdrawFault fault, int count) noexcept {
+    withdraw_fault_ = fault;
+    withdraw_faults_ = count;
+  }
   /// Somebody changes the calibration of the deflection: what it says in metres is so many times as much.
   void scale_calibration(double factor) noexcept { calibration_factor_ = factor; }
   /// The laser weakens or wanders on the photodiode: of the bending so much is seen, from another zero.
@@ -68,6 +73,7 @@ class SimController {
   double safe_tip_signal() const noexcept;
   double converted_v(double volts) const noexcept;
   double retracted_nm() const noexcept;
+  double withdraw_to_nm() const noexcept;
   double lowest_nm() const noexcept;
   double true_value(int index) const noexcept;
   void step(double dt_s) noexcept;
@@ -101,6 +107,10 @@ class SimController {
   std::uint64_t safe_tips_ = 0;
   SensorFault sensor_fault_ = SensorFault::kNone;
   double frozen_bend_nm_ = 0;
+  WithdrawFault withdraw_fault_ = WithdrawFault::kUndone;
+  int withdraw_faults_ = 0;  // still to come
+  double half_way_nm_ = 0;   // where this withdrawal ends
+  bool half_way_ = false;
   std::uint64_t moves_ = 0;
   // The average under way and the last one.
   std::int64_t acquisition_ns_ = 0;

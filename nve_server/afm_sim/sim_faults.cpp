@@ -1,6 +1,7 @@
 #include "telenano/nve_server/afm_sim/sim_faults.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <iterator>
 #include <sstream>
@@ -14,9 +15,11 @@ namespace telenano::afm_sim {
 namespace {
 
 [[noreturn]] void refuse(const std::string& what, const std::string& text) {
-  throw UserError(what + " '" + text +
-                  "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY | sensor "
-                  "frozen|high|low|noisy|inverted|swapped|good, e.g. '@5s silent 500ms'");
+  throw UserError(
+      what + " '" + text +
+      "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY | sensor "
+      "frozen|high|low|noisy|inverted|swapped|good | withdraw undone|half N|ever, e.g. '@5s silent "
+      "500ms'");
 }
 
 std::int64_t parse_time(const std::string& word, const std::string& what, const std::string& text) {
@@ -67,6 +70,16 @@ Fault parse_fault(const std::string& text, const std::string& what) {
     const auto* const found = std::find(std::begin(kNames), std::end(kNames), word);
     if (found == std::end(kNames)) refuse(what, text);
     fault.sensor = static_cast<SensorFault>(found - std::begin(kNames));
+  } else if (word == "withdraw") {
+    fault.kind = FaultKind::kWithdraw;
+    std::string how, times;
+    if (!(words >> how >> times) || (how != "undone" && how != "half")) refuse(what, text);
+    fault.withdraw = how == "half" ? WithdrawFault::kHalf : WithdrawFault::kUndone;
+    const char* const end = times.data() + times.size();
+    fault.count = -1;
+    if (times != "ever" &&
+        (std::from_chars(times.data(), end, fault.count).ptr != end || fault.count < 0 || fault.count > 1000))
+      refuse(what, text);
   } else {
     refuse(what, text);
   }

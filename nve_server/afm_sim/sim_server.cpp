@@ -47,6 +47,9 @@ void SimServer::apply(const Fault& fault) {
     case FaultKind::kSensor:
       controller_.set_sensor_fault(fault.sensor);
       break;
+    case FaultKind::kWithdraw:
+      controller_.set_withdraw_fault(fault.withdraw, fault.count);
+      break;
   }
 }
 

@@ -122,6 +122,26 @@ TEST(SimController, NoiseOfAnAverageFallsWithTheRootOfItsTime) {
   }
 }
 
+TEST(SimController, AWithdrawalThatIsNotCarriedOutIsAnsweredAllTheSame) {
+  Rig rig(quiet());
+  rig.touch();
+  const double touch_nm = rig.controller.height_nm();
+  rig.controller.set_withdraw_fault(WithdrawFault::kUndone, 2);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(rig.call(kWithdraw, {1, 2000}).error, 0u);
+    EXPECT_EQ(rig.controller.height_nm(), touch_nm);
+  }
+  rig.controller.set_withdraw_fault(WithdrawFault::kHalf, -1);
+  for (const double part : {0.5, 0.75}) {
+    EXPECT_EQ(rig.call(kWithdraw, {1, 2000}).error, 0u);
+    EXPECT_NEAR(rig.controller.height_nm(), touch_nm + part * (500 - touch_nm), 0.01);
+    EXPECT_EQ(rig.controller.status(), nanonis::ZStatus::kOff);
+  }
+  rig.controller.set_withdraw_fault(WithdrawFault::kHalf, 0);
+  rig.call(kWithdraw, {1, 2000});
+  EXPECT_TRUE(rig.controller.withdrawn());
+}
+
 TEST(SimController, WithdrawRetractsToTheUpperLimitAtItsRate) {
   for (const int sign : {1, -1}) {
     SimConfig config = quiet();
@@ -280,8 +300,12 @@ TEST(SimFaults, WhatAPersonWrites) {
   EXPECT_EQ(fault.length_ns, 2'000'000'000);
   EXPECT_EQ(fault.delay_ns, 50'000'000);
   EXPECT_EQ(parse_fault("reset", "--fault").kind, FaultKind::kReset);
-  for (const char* bad :
-       {"", "@", "silent", "silent 5", "silent -1s", "silent 1s 2s", "loud 1s", "@x reset", "slow 1s"})
+  EXPECT_EQ(parse_fault("withdraw half 3", "--fault").withdraw, WithdrawFault::kHalf);
+  EXPECT_EQ(parse_fault("withdraw half 3", "--fault").count, 3);
+  EXPECT_LT(parse_fault("withdraw undone ever", "--fault").count, 0);
+  for (const char* bad : {"", "@", "silent", "silent 5", "silent -1s", "silent 1s 2s", "loud 1s", "@x reset",
+                          "slow 1s", "withdraw", "withdraw 3", "withdraw half", "withdraw half -3",
+                          "withdraw half 3x", "withdraw undone 1001", "withdraw undone 99999999999"})
     EXPECT_THROW(parse_fault(bad, "--fault"), UserError) << bad;
 }
 
