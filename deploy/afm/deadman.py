@@ -43,7 +43,10 @@ RECONNECT_S = 0.2
 LIMITS_S = 0.05         # the withdrawal does not wait longer for an answer to what comes before it
 REPLY_S = 1.0
 SAME_M = 1e-9           # two heights that are one
+UP_PART = 0.01          # of the range along Z: so far below where it stood withdrawn at the start a tip still is up
+NOT_UP_S = 10.0         # between two lines that say that it is not
 LOOK_S = 0.1            # between two looks at a tip that is up
+PLACE_END = "m: Z of the withdrawn tip at the start, range of Z\n"
 
 
 class ConfigError(Exception):
@@ -110,6 +113,17 @@ def read_key(path):
     return key
 
 
+def read_place(path):
+    """Where the tip stood withdrawn, and the range along Z, in m; None, None where no whole line says so."""
+    try:
+        with open(path, encoding="ascii") as file:
+            top, range_, end = file.read(200).split(" ", 2)
+        top_m, range_m = float(top), float(range_)
+    except (OSError, ValueError):
+        return None, None
+    return (top_m, range_m) if end == PLACE_END and 0 < abs(top_m) <= range_m < 1 else (None, None)
+
+
 def address(config, path, key, default_port):
     text = config.pop(key, None)
     host, _, port = text.rpartition(":") if isinstance(text, str) else ("", "", "")
@@ -143,6 +157,7 @@ class Config:
         self.controller = address(config, path, "controller", "127.0.0.1:6504")
         self.key = read_key(file_of("key"))
         self.latch = file_of("latch", "deadman.latch")
+        self.place = self.latch + ".place"
         self.log = file_of("log") if "log" in config else None
         silence = config.pop("silence_ms", 500)
         if isinstance(silence, bool) or not isinstance(silence, (int, float)) or not 200 <= silence <= 900:
@@ -167,7 +182,7 @@ class Client:
         self.socket, self.peer, self.since = connection, f"{peer[0]}:{peer[1]}", now
         self.frames = Frames(4096)
         self.nonce = secrets.token_bytes(16)
-        self.guard, self.number, self.heard = None, 0, now
+        self.guard, self.number, self.heard, self.watched = None, 0, now, False
 
     def send(self, data):
         try:
@@ -240,12 +255,14 @@ class Controller:
 
 
 class Withdrawal:
-    """Floor of the Z limits up, Withdraw, until it is over, the height; and again until two end at the same height. Then it looks
-    on, and begins anew if the tip comes down. The floor holds back a command that was on its way when the server died."""
+    """Floor of the Z limits up, Withdraw, until it is over, the height; and again until two leave the tip at its place: where it
+    stood withdrawn at the start. Then it looks on, and begins anew if the tip comes down. The floor holds back a command that was
+    on its way when the server died."""
 
     def __init__(self, deadman, now):
         self.deadman, self.begun, self.at, self.asked = deadman, now, 0, False
         self.next, self.height, self.up, self.floor_tried = now, None, None, False
+        self.off, self.gone, self.say = True, False, now
 
     def steps(self):
         d = self.deadman
@@ -259,6 +276,9 @@ class Withdrawal:
 
     def tick(self, now):
         controller = self.deadman.controller
+        if self.up is None and now > self.say + 3 * REPLY_S:
+            self.say = now + NOT_UP_S
+            self.deadman.report("the controller has not said yet that the tip is up; going on until it has")
         if not controller.up:
             self.at, self.asked, self.height = 0, False, None
             return
@@ -295,11 +315,10 @@ class Withdrawal:
         if name == "ZCtrl.Withdraw":
             return self.step(steps)
         if name == "ZCtrl.StatusGet":
-            if struct.unpack(">H", body[:2])[0] in (1, 5):
+            self.off = struct.unpack(">H", body[:2])[0] in (1, 5)
+            if self.off or now > self.begun + 2:
                 return self.step(steps)
             self.asked, self.next = False, now + 0.01
-            if now > self.begun + 2:
-                self.at, self.begun = 0, now        # it says something else: once more
             return
         height = struct.unpack(">f", body[:4])[0]
         self.at, self.asked, self.next = 0, False, now + LOOK_S
@@ -307,14 +326,30 @@ class Withdrawal:
             if abs(height - self.up) > SAME_M:
                 self.deadman.report(f"the tip was moved to Z = {1e9 * height:.1f} nm; withdrawing again until it is cleared")
                 self.up, self.height, self.begun, self.next, self.floor_tried = None, None, now, now, False
-        elif self.height is not None and abs(height - self.height) <= SAME_M:
+                self.say = now
+            return
+        self.begun, self.floor_tried = now, False
+        if not self.off or not self.deadman.at_place(height):
+            self.height = None
+            return self.not_up(height, now)
+        if not self.gone:
+            self.gone = True
+            self.deadman.report(f"the tip has gone to Z = {1e9 * height:.1f} nm, "
+                                f"{1e3 * (now - self.deadman.heard):.0f} ms after the last heartbeat")
+        if self.height is not None and abs(height - self.height) <= SAME_M:
             self.up = height
             self.deadman.report(f"the tip is withdrawn, at Z = {1e9 * height:.1f} nm")
-        else:
-            if self.height is None:
-                self.deadman.report(f"the tip has gone to Z = {1e9 * height:.1f} nm, "
-                                 f"{1e3 * (now - self.deadman.heard):.0f} ms after the last heartbeat")
-            self.height, self.floor_tried = height, False
+        self.height = height
+
+    def not_up(self, height, now):
+        if now < self.say:
+            return
+        self.say = now + NOT_UP_S
+        d = self.deadman
+        place = f"up is {1e9 * d.top_m:.1f} nm" if d.place_known else "and where up is was not heard"
+        status = "" if self.off else ", and the Z controller is not off"
+        d.report(f"the tip is NOT up: Z = {1e9 * height:.1f} nm, {place}{status}; withdrawing it again; "
+                 "press Withdraw at the controller")
 
 
 # ---- the deadman
@@ -327,7 +362,7 @@ class Deadman:
         self.controller = Controller(config.controller, self.selector, self.report)
         self.strangers, self.holder = [], None
         self.armed, self.heard = False, clock()
-        self.top_m, self.range_m = None, None
+        self.top_m, self.range_m = read_place(config.place)
         self.withdrawal = None
         self.latch_looked = 0.0
         self.listener = socket.create_server(config.listen, family=socket.AF_INET6 if ":" in config.listen[0]
@@ -349,10 +384,20 @@ class Deadman:
     def latched(self):
         return self.withdrawal is not None
 
+    @property
+    def place_known(self):
+        return self.top_m is not None and bool(self.range_m)
+
+    def at_place(self, height_m):
+        """As far up as it stood withdrawn at the start; never where that was not overheard. As guard.cpp reckons."""
+        if not self.place_known:
+            return False
+        return (height_m if self.top_m > 0 else -height_m) >= abs(self.top_m) - UP_PART * self.range_m - SAME_M
+
     def floor(self):
         """High and low limit that leave the tip no room below where it stood withdrawn; None if that was not overheard. As
         nve_server/afm/guard.cpp reckons."""
-        if self.top_m is None or not self.range_m:
+        if not self.place_known:
             return None
         end = 0.5 * self.range_m
         up = min(abs(self.top_m), 0.9 * end) - SAME_M
@@ -442,11 +487,13 @@ class Deadman:
         return True
 
     def listen_to(self, client, state, now):
+        client.watched = client.watched or state == WATCH
         if state == WATCH:
             self.heard = now
             if not self.armed and not self.latched:
                 self.armed = True
                 self.report(f"watching over the server at {client.peer}")
+                self.keep_place()
         elif state == DONE and self.armed:
             self.armed = False
             self.report("the server says that the tip is up and stays up: watching no longer")
@@ -482,20 +529,30 @@ class Deadman:
                 if isinstance(owner, Withdrawal):
                     owner.answered(name, body, now)
                 elif owner is self.holder:
-                    self.note_reply(name, body)
+                    self.note_reply(owner, name, body)
                     if not owner.send(whole):
                         self.drop(owner)
         except (ValueError, UnicodeDecodeError) as error:
             controller.lost(now, str(error))
 
-    def note_reply(self, name, body):
+    def note_reply(self, client, name, body):
         """Before the tip moves the server asks where it stands withdrawn, and for the range."""
-        if self.armed or self.latched or len(body) < 12 or struct.unpack(">Ii", body[-8:]) != (0, 0):
+        if client.watched or self.armed or self.latched or len(body) < 12 or struct.unpack(">Ii", body[-8:]) != (0, 0):
             return
         if name == "ZCtrl.ZPosGet":
             self.top_m = struct.unpack(">f", body[:4])[0]
         elif name == "Piezo.RangeGet" and len(body) == 20:
             self.range_m = struct.unpack(">f", body[8:12])[0]
+
+    def keep_place(self):
+        """For a deadman that is started again while the tip is out, or after it was withdrawn."""
+        if not self.place_known:
+            return
+        try:
+            with open(self.config.place, "w", encoding="ascii") as file:
+                file.write(f"{self.top_m!r} {self.range_m!r} {PLACE_END}")
+        except OSError as error:
+            self.report(f"{self.config.place}: {error.strerror}: a deadman that is started again will not know where up is")
 
     # -- time
 

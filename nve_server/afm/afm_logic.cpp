@@ -13,9 +13,10 @@ namespace {
 constexpr std::int64_t kEmergencyPeriodNs = 40 * kMs;  // the heart beat; the guard knows it too
 constexpr std::int64_t kDataPeriodNs = 40 * kMs;
 constexpr std::int64_t kIdleReadNs = 50 * kMs;
-constexpr int kHeldEvery = 4;           // of so many questions on the data connection one is for what is held
-constexpr double kFloorSlack_nm = 10;   // for what drifts until the floor is set anew
-constexpr double kContactPart = 0.125;  // of the force of a touch: less is no contact
+constexpr int kHeldEvery = 4;  // of so many questions on the data connection one is for what is held
+constexpr std::int64_t kMayRiseNs = 1000 * kMs;  // before it is said that a withdrawn tip is not up
+constexpr double kFloorSlack_nm = 10;            // for what drifts until the floor is set anew
+constexpr double kContactPart = 0.125;           // of the force of a touch: less is no contact
 
 }  // namespace
 
@@ -368,9 +369,7 @@ void AfmLogic::on_setpoint(const AfmReading& reading, std::int64_t now_ns) {
 void AfmLogic::on_height(double height, std::int64_t now_ns) {
   if (!withdrawing()) return;
   height_nm_ = height;
-  // Up means: as far as it stood when this began, or at the upper end.
-  const double up = std::min(top_height_nm_, 0.45 * range_z_nm_);
-  const bool is_up = height > up - 1;
+  const bool is_up = height >= top_height_nm_ - kUpPart * range_z_nm_ - kUpSlack_nm;
   if (state_.phase == Phase::kWithdrawing && is_up) {
     enter(Phase::kWithdrawn, now_ns);
     tell("withdrawn: " + std::string(name(state_.cause)));
@@ -379,6 +378,12 @@ void AfmLogic::on_height(double height, std::int64_t now_ns) {
     state_.phase = Phase::kWithdrawing;
     withdraw_ns_ = now_ns;
     stop_sent_ = withdraw_sent_ = motion_withdraw_sent_ = false;
+    if (now_ns < say_ns_) return;
+    say_ns_ = now_ns + kSayNotUpNs;
+    tell(
+        text("the tip is NOT up: Z = %.1f nm, up is %.1f nm; withdrawing it again; press Withdraw at the "
+             "controller",
+             config_.z_sign * height, config_.z_sign * top_height_nm_));
   }
 }
 
@@ -417,6 +422,7 @@ void AfmLogic::withdraw(Cause cause, std::int64_t now_ns) {
   if (cause != Cause::kParked) ++state_.latches;
   cleared_ = wish_.clears;
   withdraw_ns_ = now_ns;
+  say_ns_ = now_ns + kMayRiseNs;
   stop_sent_ = withdraw_sent_ = motion_withdraw_sent_ = false;
   at(Role::kEmergency).next_ns = now_ns;
   at(Role::kMotion).next_ns = now_ns;

@@ -275,6 +275,7 @@ class AfmLogic {
   bool emergency_objects_ = false;
   bool asks_status_ = false;
   std::int64_t withdraw_ns_ = 0;
+  std::int64_t say_ns_ = 0;  // when to say again that it is not up
 };
 
 }  // namespace telenano::afm

@@ -12,6 +12,12 @@ inline constexpr std::int64_t kMs = 1'000'000;  ///< ns
 inline constexpr std::int64_t kLookPeriodNs =
     20 * kMs;  ///< between two looks at an engaged or withdrawing tip
 
+// "Up" is a place: where the tip stood withdrawn at the start, or further from the sample. A withdrawn tip
+// that reports less height by up to this part of the range along Z, and a nanometre, is still there.
+inline constexpr double kUpPart = 0.01;
+inline constexpr double kUpSlack_nm = 1;
+inline constexpr std::int64_t kSayNotUpNs = 10'000 * kMs;  ///< between two lines that say that it is not up
+
 inline std::int64_t ns(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));
 }

@@ -25,6 +25,7 @@
 #include "telenano/common/net/tcp.h"
 #include "telenano/common/net/udp.h"
 #include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/afm/afm_units.h"
 #include "telenano/nve_server/nanonis/frame_reader.h"
 
 extern char** environ;
@@ -32,7 +33,6 @@ extern char** environ;
 namespace telenano::afm {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kRetryNs = 20 * kMs;
 constexpr std::int64_t kSlowRetryNs = 500 * kMs;  // to a controller that has long not been there
 constexpr std::int64_t kLongNs = 60'000 * kMs;
@@ -291,18 +291,19 @@ class Guard {
     withdraws_ = true;
     was_up_ = false;
     step_ = first_step();
-    told_ = false;
+    said_not_up_ = false;
+    say_ns_ = now;
     begun_ns_ = now;
     asked_ns_ = 0;
     next_ns_ = now;
   }
-  /// Withdraw, waiting for its end, then the height: again and again. A withdrawal that timed out has
-  /// answered too, and a request of the server's that comes late brings the tip down: two in a row that end
-  /// at the same height are a tip that is up.
+  /// Withdraw, waiting for its end, then the height: again and again. A withdrawal that timed out, or was not
+  /// carried out, has answered too, and a request of the server's that comes late brings the tip down: up is a
+  /// tip that two withdrawals in a row have left at its place.
   void withdraw(std::int64_t now) {
-    if (!told_ && now > begun_ns_ + kReplyNs) {
-      told_ = true;
-      tell("the controller has not withdrawn the tip yet; going on until it has");
+    if (now > say_ns_ + kReplyNs) {
+      say_ns_ = now + kSayNotUpNs;
+      tell("the controller has not said yet that the tip is up; going on until it has");
     }
     if (asked_ns_ != 0) {
       if ((step_ == Step::kLimitsOn || step_ == Step::kFloor) && now > asked_ns_ + kLimitsReplyNs) {
@@ -328,8 +329,12 @@ class Guard {
         return {nanonis::CommandId::kZPosGet, {}};
     }
   }
-  Step first_step() const noexcept {
-    return range_m_ > 0 && top_known_ && !given_back_ ? Step::kLimitsOn : Step::kUp;
+  Step first_step() const noexcept { return place_known() && !given_back_ ? Step::kLimitsOn : Step::kUp; }
+  bool place_known() const noexcept { return range_m_ > 0 && top_known_; }
+  /// As far up as it stood withdrawn at the start. Where that is not known no height is up.
+  bool at_place(double height_m) const noexcept {
+    return place_known() &&
+           (top_m_ > 0 ? height_m : -height_m) >= std::fabs(top_m_) - kUpPart * range_m_ - 1e-9 * kUpSlack_nm;
   }
   /// In the checks: where the withdrawn tip stands, and the whole range. The end that it is near is "up".
   void overhear(const nanonis::Header& header, std::span<const std::uint8_t> body) {
@@ -370,15 +375,31 @@ class Guard {
     if (!done) return;
     next_ns_ = now + kAgainNs;
     const double height_m = answer.numbers[0];
+    if (!at_place(height_m)) {
+      was_up_ = false;
+      return say_not_up(height_m, now);
+    }
     if (was_up_ && std::fabs(height_m - height_m_) < kSameHeightM) {
       withdraws_ = false;
       up_ns_ = now;
-      if (!server_) tell("the tip is withdrawn");
+      if (!server_ || said_not_up_) tell(text("the tip is withdrawn, at Z = %.1f nm", 1e9 * height_m));
     }
     was_up_ = true;
     height_m_ = height_m;
   }
-  static void tell(const char* text) { std::fprintf(stderr, "telenano-nve: afm-guard: %s\n", text); }
+  void say_not_up(double height_m, std::int64_t now) {
+    if (said_not_up_ && now < say_ns_) return;
+    said_not_up_ = true;
+    say_ns_ = now + kSayNotUpNs;
+    tell(text("the tip is NOT up: Z = %.1f nm, ", 1e9 * height_m) +
+         (place_known() ? text("up is %.1f nm", 1e9 * top_m_) : "and where up is was not heard") +
+         "; withdrawing it again; press Withdraw at the controller");
+  }
+  /// Where nobody reads it, it goes on without.
+  static void tell(const std::string& line) {
+    pollfd entry{STDERR_FILENO, POLLOUT, 0};
+    if (::poll(&entry, 1, 0) > 0) std::fprintf(stderr, "telenano-nve: afm-guard: %s\n", line.c_str());
+  }
 
   rt::SteadyClock clock_;
   int handle_;
@@ -403,9 +424,10 @@ class Guard {
   double top_m_ = 0, range_m_ = 0, floor_high_m_ = 0, floor_low_m_ = 0;
   bool withdraws_ = false;
   Step step_ = Step::kUp;
-  bool was_up_ = false;  // a withdrawal has ended, at height_m_
+  bool was_up_ = false;  // a withdrawal has left it at its place, at height_m_
   double height_m_ = 0;
-  bool told_ = false;
+  bool said_not_up_ = false;
+  std::int64_t say_ns_ = 0;  // when to say again that it is not up
   std::int64_t heard_ns_ = 0;
   std::int64_t begun_ns_ = 0;
   std::int64_t asked_ns_ = 0;

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Hazards of an AFM that are neither a lost connection nor a dead signal, with the real programs over TCP: the latch on disk, ports
-that are not the last run's, two stations, two deadmen, a drain while the tip presses.
+that are not the last run's, two stations, two deadmen, a drain while the tip presses, withdrawals that are answered and not done.
 
 afm_hazards_test.py SOURCE_DIR TELENANO_NVE TELENANO_AFM_SIM TELENANO_MASTER [unittest's arguments]
 """
@@ -309,6 +309,69 @@ class Hazards(Base):
         self.assertGreater(bound_m, 0.1e-9)
         self.assertLess(bound_m, 20e-9)
         server.stop()
+
+
+class Withdrawals(Base):
+    """Answered as if they were done. The server is killed while it presses: the tip is its guard's."""
+
+    def killed_while_it_presses(self, fault, sign=1):
+        control = self.path / "faults.txt"
+        simulator = self.simulator("--control", control, "--z-sign", sign)
+        words = self.direct()
+        text = (self.path / "afm.toml").read_text()
+        self.assertIn("\nz_sign = 1 ", text)
+        (self.path / "afm.toml").write_text(text.replace("\nz_sign = 1 ", f"\nz_sign = {sign} "))
+        server = self.start(*words)
+        self.assertTrue(server.says("serving an AFM on"), server.text)
+        self.contact(self.press(server))
+        control.write_text(fault + "\n")
+        self.assertTrue(simulator.says(fault), simulator.text)
+        server.kill(signal.SIGKILL)
+        server.process.wait(LONG_S)
+        return simulator, server, control
+
+    def told(self, server):
+        """What its guard has said: lines of one pipe."""
+        return re.findall(r"afm-guard: (.*)", server.text)
+
+    def ends_up(self, simulator, server, least_nm=489):
+        self.assertTrue(server.says("afm-guard: the tip is withdrawn, at Z = "), server.text)
+        last = self.told(server)[-1]
+        self.assertGreaterEqual(abs(float(re.search(r"at Z = (-?[0-9.]+) nm", last)[1])), least_nm, last)
+        _, force_nn, text = self.end_of(simulator)
+        self.assertGreaterEqual(float(re.search(r"tip \w+ at ([0-9.]+) nm", text)[1]), least_nm, text)
+        self.assertGreater(force_nn, 20, "it did press")
+        self.assertLess(force_nn, LIMIT_NN + LATE_NN)
+
+    def test_one_that_is_not_done_is_no_withdrawn_tip(self):
+        for sign in (1, -1):
+            with self.subTest(sign):
+                simulator, server, control = self.killed_while_it_presses("withdraw undone ever", sign)
+                self.assertTrue(server.says("afm-guard: the tip is NOT up: Z = "), server.text)
+                time.sleep(3)
+                said = self.told(server)
+                self.assertEqual(len(said), 1, "once in ten seconds")
+                z_nm, up_nm = map(float, re.match(r"the tip is NOT up: Z = (-?[0-9.]+) nm, up is (-?[0-9.]+) nm; withdrawing it "
+                                                  r"again; press Withdraw at the controller$", said[0]).groups())
+                self.assertLess(abs(z_nm), 50, "at the sample")
+                self.assertEqual(up_nm, 500 * sign)
+                self.assertNotIn("is up again", simulator.text)
+                # Done at the fourth of those that come now.
+                control.write_text("withdraw undone 3\n")
+                self.ends_up(simulator, server, 499.9)
+                self.assertEqual(len(self.told(server)), 2)
+                for latch in self.path.glob("*.out"):
+                    latch.unlink()
+
+    def test_the_eleventh_is_done(self):
+        simulator, server, _ = self.killed_while_it_presses("withdraw undone 10")
+        self.ends_up(simulator, server, 499.9)
+        self.assertIn("NOT up", self.told(server)[0])
+
+    def test_ones_that_stop_half_way_get_there(self):
+        simulator, server, _ = self.killed_while_it_presses("withdraw half ever")
+        self.ends_up(simulator, server)
+        self.assertRegex(self.told(server)[0], r"NOT up: Z = 2\d\d\.\d nm, up is 500.0 nm")
 
 
 if __name__ == "__main__":

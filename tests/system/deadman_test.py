@@ -281,10 +281,54 @@ class Together(Rig):
         self.assertIn("tip withdrawn", end)
         self.assertGreater(float(re.search(r"greatest ([\d.]+) nN", end)[1]), 70, "it did press; the touches make 40 nN")
 
+    def test_a_withdrawal_that_is_not_done_is_no_withdrawn_tip(self):
+        """Answered as if it were; nor does a deadman that is started again take it for one."""
+        control = self.path / "faults.txt"
+        simulator = self.simulator("--control", control)
+        watcher = self.deadman()
+        server = self.server()
+        self.pressed(server)
+        control.write_text("withdraw undone ever\n")
+        self.assertTrue(simulator.says("withdraw undone ever"), simulator.text)
+        self.kill_both(server)
+        not_up = r"the tip is NOT up: Z = -?\d\.\d nm, up is 500\.0 nm; withdrawing it again; press Withdraw at the controller"
+        for _ in range(2):
+            self.assertTrue(watcher.says("NOT up"), watcher.text)
+            time.sleep(2)
+            self.assertEqual(len(re.findall(not_up, watcher.text)), 1, watcher.text)
+            self.assertNotIn("is withdrawn", watcher.text)
+            watcher.stop(signal.SIGKILL)
+            watcher = self.deadman(port=self.port)
+            self.assertIn("latched by an earlier withdrawal", watcher.text)
+        control.write_text("withdraw undone 3\n")
+        self.assertTrue(watcher.says("the tip is withdrawn, at Z = 500.0 nm"), watcher.text)
+        self.assertNotIn("NOT up", watcher.text.partition("the tip is withdrawn")[2])
+        # Where nobody knows any more where it stood, no height is up.
+        watcher.stop(signal.SIGKILL)
+        (self.path / "deadman.latch.place").unlink()
+        watcher = self.deadman(port=self.port)
+        self.assertTrue(watcher.says("NOT up: Z = 500.0 nm, and where up is was not heard"), watcher.text)
+        time.sleep(1)
+        self.assertNotIn("is withdrawn", watcher.text)
+        self.assertIn("tip withdrawn", simulator.stop())
+
+    def test_a_guard_goes_on_through_the_deadman_until_the_tip_is_up(self):
+        control = self.path / "faults.txt"
+        simulator = self.simulator("--control", control)
+        watcher = self.deadman(silence_ms=PATIENT_MS)
+        server = self.server()
+        self.pressed(server)
+        control.write_text("withdraw half ever\n")
+        self.assertTrue(simulator.says("withdraw half ever"), simulator.text)
+        server.kill(signal.SIGKILL)
+        self.assertTrue(server.says("afm-guard: the tip is NOT up: Z = 2"), server.text)
+        self.assertTrue(server.says("afm-guard: the tip is withdrawn, at Z = 49"), server.text)
+        simulator.stop()
+
     def assert_up(self, end):
-        """Up, to a server, is as far as the tip stood when it began: the piezo may still be on its way to its end."""
+        """Up, to a server, is within 1 % of where the tip stood when it began: the piezo may still be on its way to its end."""
         out = re.search(r"tip out at ([\d.]+) nm, force (-?[\d.]+) nN", end)
-        self.assertTrue("tip withdrawn" in end or (out and float(out[1]) > 400 and abs(float(out[2])) < 0.01), end)
+        self.assertTrue("tip withdrawn" in end or (out and float(out[1]) > 489 and abs(float(out[2])) < 0.01), end)
 
     def test_a_clean_end_latches_nothing(self):
         simulator = self.simulator()
@@ -544,6 +588,8 @@ class Heartbeats(Rig):
     def test_forged_and_replayed_ones_are_refused(self):
         good = Peer(self.port)
         self.assertEqual(good.beat(1, QUIET), READY)
+        for question in ("ZCtrl.ZPosGet", "Piezo.RangeGet"):         # by which the deadman learns where up is
+            self.assertEqual(good.call(question)[1][-8:], bytes(8))
         self.assertEqual(good.beat(7, WATCH), READY)
         recorded = good.beat_frame(8, WATCH)
 

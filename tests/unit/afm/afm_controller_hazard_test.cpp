@@ -71,6 +71,45 @@ TEST(AfmHazards, AControllerThatWasStartedAnewIsNotApproachedWith) {
       << b.afm->logic().refusal();
 }
 
+// The withdrawal is answered and not done, on a sample that lies less than a tenth of the range below where the
+// tip stood at the start. It is up only there.
+TEST(AfmHazards, ATipWhoseWithdrawalIsNotDoneIsNotUp) {
+  for (const int sign : {1, -1}) {
+    for (const auto fault : {afm_sim::WithdrawFault::kUndone, afm_sim::WithdrawFault::kHalf}) {
+      SCOPED_TRACE(::testing::Message() << sign << (fault == afm_sim::WithdrawFault::kHalf ? ", half" : ""));
+      Bench b;
+      b.rig.z_sign = b.config.z_sign = sign;
+      b.rig.sample_z_nm = 460;
+      b.start();
+      ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+      b.follow(Vec3(0, 0, -4));
+      b.run(1000);
+      ASSERT_GT(b.afm->controller().tip().normal_force_nn(), 100);
+      b.afm->controller().set_withdraw_fault(fault, -1);
+      b.wish.retract = true;
+      if (fault == afm_sim::WithdrawFault::kUndone) {
+        std::vector<std::string> said;
+        for (int ms = 0; ms < 15000; ++ms) {
+          const auto before = b.afm->logic().news_count();
+          b.run(1);
+          ASSERT_EQ(b.phase(), Phase::kWithdrawing);
+          if (ms > 500 && b.afm->logic().news_count() != before) said.push_back(b.afm->logic().news());
+        }
+        ASSERT_EQ(said.size(), 2u) << "after a second, and ten more";
+        EXPECT_NE(said[0].find(sign > 0 ? "the tip is NOT up: Z = 45" : "the tip is NOT up: Z = -45"),
+                  std::string::npos)
+            << said[0];
+        EXPECT_NE(said[0].find(sign > 0 ? "up is 500.0 nm" : "up is -500.0 nm"), std::string::npos)
+            << said[0];
+        b.afm->controller().set_withdraw_fault(fault, 3);
+      }
+      ASSERT_TRUE(b.until(Phase::kWithdrawn, 2000));
+      EXPECT_GE(b.afm->controller().height_nm(), 489);
+      EXPECT_EQ(b.afm->logic().news(), "withdrawn: stop");
+    }
+  }
+}
+
 // Another client of the controller moves the tip down while it presses. The first reading tells, and beyond the
 // workspace's depth the controller's Z limits refuse it.
 TEST(AfmHazards, AnotherClientThatMovesTheTipIsOverruledOrWithdraws) {

@@ -41,14 +41,14 @@ void whole_session(Bench& b) {
 TEST(AfmConversation, IsThatOfTheRecordingFromTheChecksToTheEnd) {
   Bench b;
   whole_session(b);
-  expect_conversation(b, {3447, 0xa330f312fdbed46f});
+  expect_conversation(b, {3453, 0xa765f2498445d848});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereLargerZIsTowardsTheSample) {
   Bench b;
   b.config.z_sign = b.rig.z_sign = -1;
   whole_session(b);
-  expect_conversation(b, {3447, 0xa4b6abf5bea36e7f});
+  expect_conversation(b, {3453, 0xbcd5fbc9e7e66418});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereTheSetPointIsRefused) {
