@@ -227,7 +227,6 @@ class Guard {
       if (n == 0) return false;
       if (n < 0) return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
       heard_ns_ = now;
-      armed_ = true;
       requests_.feed(std::span(buffer).first(static_cast<std::size_t>(n)));
       nanonis::Header header;
       std::span<const std::uint8_t> body;
@@ -242,6 +241,8 @@ class Guard {
           write(nanonis::encode_call(call), now);
         ++passed_on_;
       }
+      // In the checks the other ports may take their time: nothing moves, and a withdrawal would disturb them.
+      armed_ = passed_on_ > kCheckRequests;
     }
   }
   /// False when the connection is closed.

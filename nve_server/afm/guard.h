@@ -20,9 +20,10 @@ namespace telenano::afm {
 /// and where it stands. A place that was not overheard is never "up". Before each
 /// withdrawal it raises the floor of the controller's Z limits to where the tip stood withdrawn at the start,
 /// as it has overheard it, so that a ZPosSet that comes late moves nothing on a controller that holds
-/// commands to its limits; one that does not take them is withdrawn all the same. A server that ends in its
-/// checks, before the heart beat, has moved nothing, and the guard just ends. Returns the process's exit
-/// code: 0 the tip is up, or has not moved, 3 the controller was never reached at all.
+/// commands to its limits; one that does not take them is withdrawn all the same. In its checks, before the
+/// heart beat, a server moves nothing: one that ends there needs no withdrawal, and the guard just ends; one
+/// that is silent there may wait for the controller. Returns the process's exit code: 0 the tip is up, or has
+/// not moved, 3 the controller was never reached at all.
 ///
 /// With a key, a deadman stands between it and the controller. The guard proves to it ten times a second that
 /// the server is alive: not that the guard is. The heartbeats stop when the server has been silent for

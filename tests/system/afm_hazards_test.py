@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Hazards of an AFM that are neither a lost connection nor a dead signal, with the real programs over TCP: the latch on disk, ports
-that are not the last run's, two stations, two deadmen, a drain while the tip presses, withdrawals that are answered and not done.
+that are not the last run's, two stations, two deadmen, a drain while the tip presses, withdrawals that are answered and not done, a
+controller that is slow in the checks.
 
 afm_hazards_test.py SOURCE_DIR TELENANO_NVE TELENANO_AFM_SIM TELENANO_MASTER [unittest's arguments]
 """
@@ -8,8 +9,10 @@ import pathlib
 import re
 import resource
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 import unittest
 import urllib.request
@@ -372,6 +375,91 @@ class Withdrawals(Base):
         simulator, server, _ = self.killed_while_it_presses("withdraw half ever")
         self.ends_up(simulator, server)
         self.assertRegex(self.told(server)[0], r"NOT up: Z = 2\d\d\.\d nm, up is 500.0 nm")
+
+
+class Port:
+    """Stands before a port of the controller, passes everything on, and notes the requests' names; `act` is called with each name
+    before its request goes on."""
+
+    def __init__(self, port, act=lambda name: None):
+        self.names, self.act = [], act
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        self.to = port
+        threading.Thread(target=self.serve, daemon=True).start()
+
+    def serve(self):
+        near, _ = self.listener.accept()
+        self.listener.close()
+        far = socket.create_connection(("127.0.0.1", self.to))
+        threading.Thread(target=self.copy, args=(far, near), daemon=True).start()
+        self.copy(near, far, self.note)
+
+    def note(self, data):
+        """Requests come one at a time, each in one piece on the loopback."""
+        self.names.append(data[:32].rstrip(b"\0").decode())
+        self.act(self.names[-1])
+
+    def copy(self, source, target, note=None):
+        with source, target:
+            try:
+                while data := source.recv(65536):
+                    if note:
+                        note(data)
+                    target.sendall(data)
+            except OSError:
+                pass  # the other end has closed
+
+
+class Checks(Base):
+    """The guard waits for 2 s of silence here; as many replies as the checks need, 60 ms late each, take longer."""
+    FLAGS = ("--fault", "slow 3600s 60ms")
+
+    def words_by(self, index, act=lambda name: None):
+        """Of a server that reaches one of the controller's ports through this test."""
+        through = Port(self.ports[index], act)
+        words = self.direct()
+        ports = list(self.ports)
+        ports[index] = through.port
+        words[words.index("--ports") + 1] = ",".join(map(str, ports))
+        text = (self.path / "afm.toml").read_text()
+        (self.path / "afm.toml").write_text(text.replace("reply_timeout_ms = 3000.0", "reply_timeout_ms = 500.0"))
+        self.port = through.port  # of its guard, for the end
+        return through, words
+
+    def test_a_controller_that_answers_late_is_no_silent_server(self):
+        simulator = self.simulator(*self.FLAGS)
+        emergency, words = self.words_by(3)
+        started = time.monotonic()
+        server = self.start(*words)
+        self.assertTrue(server.says("approaching"), server.text)
+        self.assertGreater(time.monotonic() - started, 2.5, "else nothing is shown")
+        self.assertTrue(server.says("surface found"), server.text)
+        self.assertEqual(set(emergency.names), {"ZCtrl.StatusGet", "ZCtrl.ZPosGet", "Piezo.RangeGet"}, "no withdrawal")
+        server.stop()
+        self.assertTrue(self.end_of(simulator)[0])
+
+    def test_the_guard_watches_before_the_first_motion(self):
+        """A server that is killed, or hangs, between the first command that moves the tip and its execution."""
+        for number in (signal.SIGKILL, signal.SIGSTOP):
+            with self.subTest(number):
+                simulator = self.simulator()
+                started = threading.Event()
+
+                def act(name):
+                    if name == "ZCtrl.OnOffSet" and not started.is_set():
+                        server.kill(number)
+                        started.set()
+                _, words = self.words_by(0, act)
+                server = self.start(*words)
+                self.assertTrue(started.wait(LONG_S), server.text)
+                self.assertTrue(simulator.says("is up again"), simulator.text)
+                server.stop(signal.SIGKILL)
+                if number == signal.SIGKILL:
+                    self.assertTrue(server.says("afm-guard: the tip is withdrawn"), server.text)
+                self.assertTrue(self.end_of(simulator)[0])
+                for latch in self.path.glob("*.out"):
+                    latch.unlink()
 
 
 if __name__ == "__main__":
