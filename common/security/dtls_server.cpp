@@ -334,14 +334,17 @@ struct DtlsServer::Impl {
       case DtlsChannel::Open::kData:
         counters.add(Event::kOpened);
         peer.since_ns = now_ns;
+        if (const auto plain = buffer.first(std::min(received.size, buffer.size()));
+            peer.channel->connection_id() && AddressCheck::is_answer(plain)) {
+          // It shows who hears at the address asked, not where its station is (RFC 9000, 9.1).
+          if (!(peer.address == received.from)) return false;
+          peer.newest = std::max(peer.newest, record_number(bytes));
+          peer.address_check.take_answer(plain);
+          return false;
+        }
         follow(place, record_number(bytes), bytes.size(), received.from);
         received.from.channel = 0;
         if (peer.channel->connection_id()) {
-          const auto plain = buffer.first(std::min(received.size, buffer.size()));
-          if (AddressCheck::is_answer(plain)) {
-            if (peer.address == received.from) peer.address_check.take_answer(plain);
-            return false;
-          }
           received.from = peer.address;
           received.from.channel = peer.channel->connection_id()->number();
         }

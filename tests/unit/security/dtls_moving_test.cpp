@@ -189,6 +189,50 @@ TEST(DtlsMoving, WhoHasNotAnsweredIsSentAtMostThreeTimesWhatCameFromThere) {
   EXPECT_FALSE(rig.received.standing.address_proven);
 }
 
+// An answer shows who hears at the address asked. Where its station is, only what else it says does: an answer that
+// goes another way, or that a listener brings from his own address, moves nothing, however new it is.
+TEST(DtlsMoving, AnAnswerFromElsewhereMovesNothing) {
+  for (const net::Address& elsewhere : {kHome, kVictim}) {
+    MovingRig rig;
+    rig.station_end.set_address(kElsewhere);
+    ASSERT_TRUE(rig.hears("moved"));
+    const net::Address there = rig.received.from;
+    rig.station->receive(rig.station_buffer, rig.station_received);
+    ASSERT_EQ(rig.station->counters().proofs, 1u);
+    const auto answer = rig.network.waiting(rig.server_end.address()).front();
+    rig.network.drop_waiting(rig.server_end.address());
+    const std::size_t told = rig.bytes_to(elsewhere);
+    EXPECT_FALSE(rig.hears_from(answer, elsewhere));
+    EXPECT_EQ(rig.events(Event::kMoved), 1u);
+    EXPECT_EQ(rig.server->send(bytes_of("force"), there), net::SendStatus::kSent);
+    EXPECT_EQ(rig.bytes_to(elsewhere), told);
+    // Nor does it prove the address that was asked, which the next answer from there does.
+    rig.pass_ms(21);
+    ASSERT_TRUE(rig.hears("here"));
+    EXPECT_FALSE(rig.received.standing.address_proven);
+    rig.turns(2);
+    ASSERT_TRUE(rig.hears("here"));
+    EXPECT_TRUE(rig.received.standing.address_proven);
+    EXPECT_EQ(rig.events(Event::kMoved), 1u);
+  }
+}
+
+// What was said before an answer and comes after it has been overtaken, as by any other datagram.
+TEST(DtlsMoving, AnAnswerFromTheAddressAskedIsNewerThanWhatWasHeldBack) {
+  MovingRig rig;
+  rig.station_end.set_address(kElsewhere);
+  ASSERT_TRUE(rig.hears("moved"));
+  const auto held = rig.held("held back");
+  rig.station->receive(rig.station_buffer, rig.station_received);
+  ASSERT_EQ(rig.station->counters().proofs, 1u);
+  EXPECT_FALSE(rig.server->receive(rig.buffer, rig.received)) << "the answer";
+  EXPECT_TRUE(rig.hears_from(held, kVictim));
+  EXPECT_TRUE(rig.received.from == kElsewhere);
+  EXPECT_TRUE(rig.received.standing.address_proven);
+  EXPECT_EQ(rig.events(Event::kMoved), 1u);
+  EXPECT_EQ(rig.bytes_to(kVictim), 0u);
+}
+
 TEST(DtlsMoving, AQuestionThatIsLostIsAskedAgain) {
   MovingRig rig;
   rig.station_end.set_address(kElsewhere);
