@@ -33,6 +33,7 @@ constexpr std::uint64_t kLossLeast = 40;            // commands: 10 % of them ar
 constexpr std::int64_t kSilenceNs = 200'000'000;    // as the session's own
 constexpr std::int64_t kNotOursNs = 1'500'000'000;  // a queue that does not drain at the least rate
 constexpr double kOursFalls = 0.05;                 // of the time: one that drains falls faster
+constexpr double kStepsOfADatagram = 50;            // new ones; some are repeated
 constexpr double kCreditMost = 2;
 constexpr double kBulkFirst = 0.2;  // pieces for each datagram
 constexpr double kBulkLast = 2;
@@ -100,10 +101,21 @@ double RateControl::base_ns() const noexcept {
   return base == kUnknown ? 0 : static_cast<double>(base);
 }
 
+double RateControl::least_hz() const noexcept {
+  if (!carries_steps_) return config_.least_hz;
+  return std::min(std::max(config_.least_with_steps_hz, config_.full_hz / kStepsOfADatagram),
+                  config_.least_hz);
+}
+
+void RateControl::carry_steps(bool steps) noexcept {
+  carries_steps_ = steps;
+  rate_hz_ = std::max(rate_hz_, least_hz());
+}
+
 /// 0 at the full rate, 1 at the least.
 double RateControl::down() const noexcept {
-  if (config_.full_hz <= config_.least_hz) return 0;
-  return std::clamp((config_.full_hz - rate_hz_) / (config_.full_hz - config_.least_hz), 0.0, 1.0);
+  if (config_.full_hz <= least_hz()) return 0;
+  return std::clamp((config_.full_hz - rate_hz_) / (config_.full_hz - least_hz()), 0.0, 1.0);
 }
 
 double RateControl::deadband_factor() const noexcept {
@@ -199,7 +211,7 @@ std::int64_t RateControl::settle_ns() const noexcept {
 }
 
 void RateControl::lower(std::int64_t now_ns, double rate_hz, RateReason reason) noexcept {
-  rate_hz_ = std::clamp(rate_hz, config_.least_hz, rate_hz_);
+  rate_hz_ = std::clamp(rate_hz, least_hz(), rate_hz_);
   reason_ = reason;
   lowest_hz_ = std::min(lowest_hz_, rate_hz_);
   ++lowered_;
@@ -295,7 +307,7 @@ void RateControl::rise_bulk(std::int64_t now_ns, double dt_s) noexcept {
 void RateControl::watch_the_least(std::int64_t now_ns) noexcept {
   const auto since_ns = static_cast<double>(now_ns - at_least_ns_);
   const bool falls = queue_ns_ < least_queue_ns_ - 1e6 - kOursFalls * since_ns;
-  if (rate_hz_ > config_.least_hz || at_least_ns_ < 0 || falls || queue_ns_ > 1.1 * least_queue_ns_) {
+  if (rate_hz_ > least_hz() || at_least_ns_ < 0 || falls || queue_ns_ > 1.1 * least_queue_ns_) {
     at_least_ns_ = now_ns;
     least_queue_ns_ = queue_ns_;
     return;

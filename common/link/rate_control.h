@@ -7,10 +7,13 @@
 namespace telenano::link {
 
 struct RateControlConfig {
-  bool adapts = true;          ///< false: `full_hz` is kept whatever the link does
-  double full_hz = 1000;       ///< the most that is ever sent: one datagram a tick, or fewer if so asked
-  double start_hz = 200;       ///< before the link is known; never above full_hz
-  double least_hz = 50;        ///< the least: what a force needs that is held for 20 ms. Never above full_hz
+  bool adapts = true;     ///< false: `full_hz` is kept whatever the link does
+  double full_hz = 1000;  ///< the most that is ever sent: one datagram a tick, or fewer if so asked
+  double start_hz = 200;  ///< before the link is known; never above full_hz
+  double least_hz = 50;   ///< the least: what a force needs that is held for 20 ms. Never above full_hz
+  /// The least while every step of the twin is logged: a datagram carries up to 64 of them (kMaxBatch), and no force
+  /// waits for it. At least as many as the steps need, full_hz / kStepsOfADatagram, and never above least_hz.
+  double least_with_steps_hz = 20;
   std::size_t redundancy = 0;  ///< commands that a datagram repeats on a link that is not full
   double deadband_most = 4;    ///< a deadband of commands grows up to this factor, at least_hz
 };
@@ -96,6 +99,8 @@ class RateControl {
     late_share_ += (1 - late_share_) / kLateReplies;
   }
 
+  /// Datagrams carry every step, from now on or no more: another least rate.
+  void carry_steps(bool steps) noexcept;
   /// Once a tick, before anything is sent.
   void update(std::int64_t now_ns) noexcept;
   /// May this tick send? `urgent`: it must go whatever the rate; it is paid back by those that follow. Half a
@@ -139,6 +144,7 @@ class RateControl {
 
   static constexpr double kLateReplies = 64;  // in the mean of their share
 
+  double least_hz() const noexcept;
   double down() const noexcept;
   bool reorders() const noexcept;
   double jitter_most_ns(std::int64_t now_ns) const noexcept;
@@ -155,6 +161,7 @@ class RateControl {
   void watch_the_least(std::int64_t now_ns) noexcept;
 
   RateControlConfig config_;
+  bool carries_steps_ = false;
   double rate_hz_ = 0;
   RateReason reason_ = RateReason::kFull;
   bool held_down_ = false;

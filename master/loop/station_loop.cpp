@@ -71,11 +71,16 @@ void StationLoop::fetch_snapshot(std::int64_t now_ns) noexcept {
   }
 }
 
+/// Is the twin felt, all of whose steps go with some datagram?
+bool StationLoop::carries_steps() const noexcept {
+  return output_.has_step && output_.trace.method == control::Method::kTwin;
+}
+
 /// With a twin the hand needs no quick answer, and what a datagram costs is shared by the steps that it
 /// carries: it goes at a slower pace. What is missing, another flag or method does not wait for it.
 bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
   const link::Command& command = output_.command;
-  const bool paced = output_.has_step && output_.trace.method == control::Method::kTwin;
+  const bool paced = carries_steps();
   const bool due = now_ns - paced_ns_ >= step_pace_ns_ || command.flags != paced_flags_ ||
                    command.control.method != paced_method_ || session_.steps_are_urgent(now_ns);
   if (sends_ != Sends::kAsDue) return sends_ == Sends::kNow;
@@ -169,6 +174,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 
   send(session_.poll(now_ns, buffer_));
   sample.sent_ns = 0;
+  rate_.carry_steps(carries_steps());
   rate_.update(now_ns);
   if (output_.has_step) session_.add_step(output_.step);
   fetch_snapshot(now_ns);

@@ -87,6 +87,7 @@ class StationLoop {
 
   void fetch_snapshot(std::int64_t now_ns) noexcept;
   bool waits_for_scene(std::int64_t now_ns) noexcept;
+  bool carries_steps() const noexcept;
   bool wants_to_send(std::int64_t now_ns) noexcept;
   link::ReplyDeadband reply_deadband() const noexcept;
   double hand_interval_s(double dt_s) noexcept;

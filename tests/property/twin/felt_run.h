@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -56,6 +57,8 @@ struct Outcome {
   std::uint64_t partings = 0;
   std::size_t unequal_hashes = 0;
   std::size_t executed = 0;
+  double rtt_ms = 0;       ///< smoothed, at the end
+  double most_rtt_ms = 0;  ///< likewise, in the second half of the session
   station::TwinState end = station::TwinState::kNone;
 };
 
@@ -69,7 +72,9 @@ inline Outcome run(const std::string& name, const Link& link, double extra_s = 1
   VirtualSession session(config);
   std::vector<Felt> felt;
   const double to_n = session.station().config().scaling.hand_force_n(Vec3::UnitX()).x();
+  std::vector<double> round_trips_ms;
   const auto note = [&] {
+    round_trips_ms.push_back(1e-6 * session.client().stats().rtt_ns());
     const station::StationTrace& t = session.loop().trace();
     felt.push_back({session.client().next_step() - 1, t.rendered_force_h_n / to_n,
                     t.mode == station::Mode::kEngaged && t.method == control::Method::kTwin && t.ramp >= 1});
@@ -98,6 +103,9 @@ inline Outcome run(const std::string& name, const Link& link, double extra_s = 1
   }
   out.true_rms_nn = out.compared > 0 ? std::sqrt(right / static_cast<double>(out.compared)) : 0;
   out.nrmse = right > 0 ? std::sqrt(wrong / right) : 1;
+  out.rtt_ms = round_trips_ms.back();
+  out.most_rtt_ms = *std::max_element(
+      round_trips_ms.begin() + static_cast<std::ptrdiff_t>(round_trips_ms.size() / 2), round_trips_ms.end());
   const station::TwinRun& twin = *session.station().twin();
   out.confirmed = twin.confirmed();
   out.steps = session.client().next_step() - 1;

@@ -67,6 +67,25 @@ TEST(Bandwidth, OfTheWayUpIsWithinWhatIsAsked) {
   }
 }
 
+// A link that carries less than 50 datagrams a second: 64 kbit/s behind a queue of 20 kB, 2.5 s of it. The rate falls
+// as far as it must, and the twin stays.
+TEST(Narrow, ALinkOf64KilobitsKeepsTheTwin) {
+  const Outcome out = run("flat_silicon_oxide", Link{40}, 1.5, [](VirtualSessionConfig& config) {
+    config.link_options.rate = {};
+    for (net::SimPath* const path : {&config.to_server, &config.to_station}) {
+      path->rate_bit_s = 64e3;
+      path->queue_bytes = 20'000;
+    }
+  });
+  std::printf("64 kbit/s: nrmse %.3g, %zu ticks, round trip %.0f ms at the end, at most %.0f\n", out.nrmse,
+              out.compared, out.rtt_ms, out.most_rtt_ms);
+  EXPECT_GT(out.compared, 5000u);
+  EXPECT_LT(out.nrmse, 1e-12);
+  EXPECT_EQ(out.partings, 0u);
+  EXPECT_TRUE(out.end == station::TwinState::kBehind || out.end == station::TwinState::kConfirmed);
+  EXPECT_LT(out.most_rtt_ms, 500);
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, FeltTest,
                          ::testing::Values("flat_silicon_oxide", "flat_pdms", "flakes", "humid_flakes",
                                            "particle", "lithography"),

@@ -541,6 +541,42 @@ TEST(RateControl, TheReplyDeadbandIsForALinkThatIsFull) {
   EXPECT_EQ(fixed.flows[0].control.reply_deadband_share(), 0);
 }
 
+// 64 kbit/s behind 20 kB carry 28 datagrams a second. With every step in some datagram the rate falls as far, and the queue
+// drains; a force that is held for 20 ms needs 50, whatever the link carries.
+TEST(RateControl, WithStepsTheRateFallsBelowFiftyAndTheQueueDrains) {
+  for (const bool steps : {true, false}) {
+    World world({64, 20'000.0 / 1024, 40}, {flow()});
+    world.flows[0].control.carry_steps(steps);
+    const Seen seen = watch(world, 10, 40);
+    const double lowest_hz = world.flows[0].control.lowest_hz();
+    std::printf("64 kbit/s, %s steps: worst %.0f ms, mean %.0f ms, %.0f Hz, lowest rate %.0f Hz\n",
+                steps ? "with" : "no", seen.worst_ms, seen.mean_ms, seen.got_hz, lowest_hz);
+    EXPECT_EQ(lowest_hz, steps ? 20 : 50);
+    if (steps) {
+      EXPECT_LT(seen.mean_ms, 300);
+      EXPECT_GT(seen.got_hz, 0.5 * capacity_hz(64));
+    } else {
+      EXPECT_GT(seen.mean_ms, 1500);
+    }
+  }
+}
+
+// More ticks are more steps: the rate stays where a datagram holds them, and no higher than without.
+TEST(RateControl, TheLeastRateCarriesTheSteps) {
+  for (const auto& [tick_hz, least_hz] :
+       {std::pair{500.0, 20.0}, {1000, 20}, {2000, 40}, {4000, 50}, {8000, 50}}) {
+    RateControl control({.full_hz = tick_hz});
+    control.carry_steps(true);
+    for (std::int64_t t = 0; t < 20'000 * kMs; t += kMs) {  // nothing comes back
+      control.update(t);
+      if (control.may_send()) control.sent(t);
+    }
+    EXPECT_EQ(control.rate_hz(), least_hz) << tick_hz;
+    control.carry_steps(false);
+    EXPECT_EQ(control.rate_hz(), 50) << "at once, without steps";
+  }
+}
+
 TEST(RateControl, SilenceHalvesAndSpeechBringsBack) {
   RateControl control;
   std::int64_t t = 0;
