@@ -8,19 +8,21 @@ namespace telenano::control {
 
 /// What a choice of method goes by.
 struct MethodCircumstances {
-  double rtt_s = -1;     ///< smoothed round trip; negative or not finite: not known
-  double jitter_s = 0;   ///< its mean deviation
-  bool at_rest = false;  ///< the tip touches nothing and no force is felt: a change cannot be felt either
-  bool twin = false;     ///< the station runs the server's own scene, step by step
+  double rtt_s = -1;      ///< smoothed round trip; negative or not finite: not known
+  double jitter_s = 0;    ///< its mean deviation
+  bool at_rest = false;   ///< the tip touches nothing and no force is felt: a change cannot be felt either
+  bool twin = false;      ///< the station runs the server's own scene, step by step
+  bool measures = false;  ///< the slave's force is measured by an instrument, not computed
 };
 
 /// Which method when, for an operator who has not said. Of the methods that promise energy:
 ///
 ///   answer = rtt + 4 jitter      (what nearly every reply stays within, as of RFC 6298)
-///   a twin, rtt ≤ kTwinMost_s  → `twin`: the sample itself, without the link's delay
-///   answer ≤ kNear_s           → `tank`: the newest reply of the sample itself
-///   answer > kFar_s            → `model`: a plane of what the sample was like, without the link's delay
-///   between, unknown           → as before; `model` after a twin
+///   a twin             → `twin`: the sample itself, without the link's delay
+///   a measuring slave  → `model`
+///   answer ≤ kNear_s   → `tank`: the newest reply of the sample itself
+///   answer > kFar_s    → `model`: a plane of what the sample was like, without the link's delay
+///   between, unknown   → as before; `model` after a twin
 ///
 /// A plane is right for a flat, linear wall at any delay, and wrong for adhesion that is stretched, a rough
 /// ground, a groove; the newest reply is right for all of them, but late. telenano-lab fidelity, 15 motions
@@ -30,10 +32,12 @@ struct MethodCircumstances {
 /// 0.13 : 0.09 at 16 ms; the worst motion 0.05 : 0.31 at 0. So they cross at 8 ms; between 4 and 8 ms, where
 /// neither is much better, nothing changes, lest a link that lies there change it again and again.
 ///
-/// The twin's felt force is the sample's at every round trip that was measured, up to 0.5 s (NRMSE 0.003,
-/// 0.008 at worst); beyond, the tip is so far behind the hand that what is felt is too long unconfirmed. One
-/// that is given up is gone at once: the station shows `model` in that tick (Station::usable), and the rule
-/// goes on from there. It comes back when the round trip is below kTwinAgain_s.
+/// The twin's felt force is the sample's at every round trip at which the session holds: nothing felt waits
+/// for the link. One that is given up is gone at once: the station shows `model` in that tick
+/// (Station::usable), and the rule goes on from there.
+///
+/// What an instrument answers is of some milliseconds ago, however near it is. `tank` pays for that with the
+/// energy that the hand has put in, and has less to show with each press.
 ///
 /// A wish must have held for kHold_s, and waits until the tip is free: the force then has nothing to go over
 /// from. All these methods plan with the same delay (binding_delay_samples), so that no scale changes with
@@ -43,15 +47,11 @@ class MethodChoice {
   static constexpr double kNear_s = 0.004;
   static constexpr double kFar_s = 0.008;
   static constexpr double kHold_s = 1.0;
-  static constexpr double kTwinMost_s = 0.5;
-  static constexpr double kTwinAgain_s = 0.4;
 
   explicit MethodChoice(Method now = Method::kModel) noexcept : now_(now) {}
 
   /// For a session that begins: at once.
-  static Method at_start(const MethodCircumstances& c) noexcept {
-    return wanted(c, c.twin ? Method::kTwin : Method::kModel);
-  }
+  static Method at_start(const MethodCircumstances& c) noexcept { return wanted(c, Method::kModel); }
 
   /// Once a tick, `dt_s` long; the method to use from now on.
   Method update(const MethodCircumstances& c, double dt_s) noexcept {
@@ -69,11 +69,9 @@ class MethodChoice {
 
  private:
   static Method wanted(const MethodCircumstances& c, Method before) noexcept {
+    if (c.twin) return Method::kTwin;
+    if (c.measures) return Method::kModel;
     const double answer_s = c.rtt_s + 4 * c.jitter_s;
-    const bool twin_is_near =
-        before == Method::kTwin ? !(c.rtt_s > kTwinMost_s) : c.rtt_s >= 0 && c.rtt_s <= kTwinAgain_s;
-    if (c.twin && twin_is_near) return Method::kTwin;
-    if (before == Method::kTwin && std::isfinite(answer_s)) before = Method::kModel;
     if (!(c.rtt_s >= 0) || !std::isfinite(answer_s)) return before;
     if (answer_s <= kNear_s) return Method::kTank;
     return answer_s > kFar_s ? Method::kModel : before;

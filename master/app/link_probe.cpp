@@ -1,5 +1,7 @@
 #include "telenano/master/app/link_probe.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -37,6 +39,7 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
   std::int64_t last_sent_ns = next_ns;  // of those that count
   std::uint64_t last = 0;
   bool over = false;
+  bool measures = false;
   int sent = 0;
   for (;;) {
     std::int64_t now_ns = clock.now_ns();
@@ -46,6 +49,7 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
       const std::int64_t came_ns = clock.now_ns() - received.age_ns;
       if (session.on_datagram(std::span(buffer).first(received.size), came_ns) != link::ClientEvent::kReply)
         continue;
+      measures = session.reply().measurement_age_ns != 0;
       // Earlier answers than this one are late, and no answers any more.
       over = over || (sent == count && session.reply().command_sequence >= last);
       if (sent == count && session.reply().command_sequence > last) continue;
@@ -56,6 +60,11 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
       slowest_ns = std::max(slowest_ns, round_trip_ns);
     }
     if (stop) throw RunError("stopped while the link was measured");
+    if (!session.has_session() && session.bye_reason() == link::ByeReason::kIdle)
+      throw RunError(fmt::format(
+          "the server heard no command for {} ms and ended the session: the round trip is too long for "
+          "it; start telenano-nve serve with a longer --timeout-ms",
+          session.welcome().timeout_ms));
     if (!session.has_session()) throw RunError("the server ended the session while the link was measured");
     if (over) break;
     // More of them until the last answer is here: one may be lost, and a server takes silence for the end of the session.
@@ -84,7 +93,7 @@ LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way
         "or lose most packets?");
   std::sort(round_trips_ns.begin(), round_trips_ns.end());
   return {quantile_s(round_trips_ns, 0.5), quantile_s(round_trips_ns, 0.99), sent,
-          static_cast<int>(round_trips_ns.size())};
+          static_cast<int>(round_trips_ns.size()), measures};
 }
 
 }  // namespace telenano::app

@@ -14,6 +14,7 @@ struct LinkDelay {
   double p99_s = 0;
   int sent = 0;
   int answered = 0;
+  bool measures = false;  ///< the slave's force is measured by an instrument, not computed
 };
 
 /// Measures an established session with `count` idle commands (clutch open: the tip holds where it is), one a

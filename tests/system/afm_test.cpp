@@ -27,10 +27,10 @@ TEST_F(AfmProgramsTest, ATaskThroughStationServerAndController) {
   ChildProcess server(serve(simulator.ports(), afm()));
   const int port = port_of(server);
   ASSERT_GT(port, 0);
-  const Finished run =
-      run_program({kMaster, "run", "--quiet", "--server", "127.0.0.1:" + std::to_string(port), "--task",
-                   "indent", "--duration-s", "5"});
+  const Finished run = run_program({kMaster, "run", "--server", "127.0.0.1:" + std::to_string(port), "--task",
+                                    "indent", "--duration-s", "5"});
   EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.err.find("method model (this slave measures its forces)"), std::string::npos) << run.err;
   const pid_t guard = guard_of(server);
   ASSERT_GT(guard, 0);
   server.signal(SIGTERM);

@@ -377,7 +377,8 @@ void plan(const PlanOptions& options) {
   if (!options.plot.empty()) plot::require_drawable(options.plot, "--plot");
   const Far far = ask(options, file);
   if (options.method && *options.method == "auto")
-    file.station.method = control::MethodChoice::at_start({far.link.median_s, 0, true, far.has_twin});
+    file.station.method =
+        control::MethodChoice::at_start({far.link.median_s, 0, true, far.has_twin, far.link.measures});
   const device::DeviceInfo device = device_info(options, file);
   const double period_s = 1 / file.station.rate_hz;
   const control::ScalingPlanInput input =

@@ -125,6 +125,7 @@ void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) 
   now.jitter_s = 1e-6 * before.jitter_us;
   now.at_rest = before.contact_state != static_cast<std::uint32_t>(link::ContactState::kContact) &&
                 loop_.trace().commanded_force_h_n.norm() < kUnfeltN;
+  now.measures = before.measurement_age_ms != 0;
   // Until the first reply there is nothing that it could be apart from.
   const station::TwinRun* const twin = station_.twin();
   const bool not_yet = before.reply_sequence <= 0 && twin != nullptr && !twin->given_up();

@@ -31,9 +31,11 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
   command
-      .add_option("--method", options.method,
-                  "Control method that keeps the session passive (default: auto: twin if the server shares "
-                  "its scene and logs steps, else tank or model, depending on the round trip)")
+      .add_option(
+          "--method", options.method,
+          "Control method that keeps the session passive (default: auto: twin if the server shares "
+          "its scene and logs steps, else model for an AFM, else tank or model, depending on the round "
+          "trip)")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
   command.add_option("--scene", options.scene,
                      "The server's scene, a name or a file: the station simulates it locally, so that the "
@@ -174,9 +176,9 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--script", options->script,
                       "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");
   command
-      ->add_option(
-          "--duration-s", options->duration_s,
-          "Duration of the task (default: 10), or of a session with a real device (default: until stopped)")
+      ->add_option("--duration-s", options->duration_s,
+                   "Duration of the task (default: 10), or of a session with a real device (default: until "
+                   "stopped); a task that cannot begin is given up after as long")
       ->check(CLI::Range(0.5, 3600.0));
   command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
       ->check(CLI::Range(0.0, 1000.0));

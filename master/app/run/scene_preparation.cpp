@@ -18,13 +18,13 @@ constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
 
 /// With the session kept awake: a twin, then what is wanted of the scene.
-void get_ready(SessionParts& parts, const RunOptions& options, const LinkDelay& link) {
+void get_ready(SessionParts& parts, const RunOptions& options) {
   connection::ServerLink& way = parts.servers.link();
   const net::Address server = parts.servers.address();
   const double rate_hz = parts.file.station.rate_hz;
   SessionView& view = parts.view;
   if (parts.looks_for_twin) {
-    parts.twins = find_twins(*parts.session, way, server, link, rate_hz, parts.wants_twin, options.quiet,
+    parts.twins = find_twins(*parts.session, way, server, rate_hz, parts.wants_twin, options.quiet,
                              parts.scene, parts.stop, parts.no_twin);
     if (parts.stop && view.has_window()) return;
     if (!parts.twins.empty()) {
@@ -76,7 +76,7 @@ LinkDelay prepare_scene(SessionParts& parts, const RunOptions& options) {
          return newest_scene_ground(scene, shown);
        },
        stop_as_by_signal},
-      [&] { parts.starter.call([&] { get_ready(parts, options, link); }); });
+      [&] { parts.starter.call([&] { get_ready(parts, options); }); });
   return link;
 }
 

@@ -101,7 +101,8 @@ void SceneSession::plan() {
   const double answer_s = std::max(link_.median_s, playout_delay_s(file_));
   delay_samples_ = control::loop_delay_samples(answer_s, 1 / config().rate_hz);
   if (file_.chooses_method)
-    file_.station.method = control::MethodChoice::at_start({answer_s, 0, true, !parts_.twins.empty()});
+    file_.station.method =
+        control::MethodChoice::at_start({answer_s, 0, true, !parts_.twins.empty(), link_.measures});
   slave_ = slave_limits(welcome_);
   device_info_ = parts_.simulated ? device::sim_device_info(file_.plant) : opened().device->info();
   planned_ = choose_scaling(file_, device_info_, slave_, delay_samples_);

@@ -7,6 +7,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/control/method.h"
 #include "telenano/master/app/plan/station_plan.h"
+#include "telenano/master/app/run/session_twin.h"
 
 namespace telenano::app {
 
@@ -14,6 +15,19 @@ double playout_delay_s(const StationFile& file) {
   const link::PlayoutConfig& playout = file.link.playout;
   return playout.mode == link::PlayoutConfig::Mode::kNewest ? 0
                                                             : 1e-9 * static_cast<double>(playout.delay_ns);
+}
+
+std::string too_far_text(const station::StationConfig& config, control::Method method, double rtt_s,
+                         const link::Welcome& welcome) {
+  const bool twin = method == control::Method::kTwin;
+  const double most_s = twin ? kTwinMostS : config.age_most_s(method);
+  if (!(rtt_s > most_s)) return "";
+  return fmt::format("the round trip is {:.0f} ms, and method {} shows forces up to {:.0f} ms; {}",
+                     1e3 * rtt_s, control::method_name(method), 1e3 * most_s,
+                     twin ? "only a shorter way helps"
+                     : welcome.scene.empty()
+                         ? "this server shares no scene for --method twin: only a shorter way helps"
+                         : "give --method twin");
 }
 
 void tell_terms(const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
@@ -24,6 +38,7 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
              control::method_name(method),
              !file.chooses_method               ? ""
              : method == control::Method::kTwin ? " (the server's scene runs here too)"
+             : link.measures                    ? " (this slave measures its forces)"
                                                 : " (by the round trip)",
              check.text);
   const control::Method used = station::usable_method(method, welcome.feature_bits);
@@ -31,6 +46,8 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
     fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
                control::method_name(method), control::method_name(used));
   }
+  if (const std::string far = too_far_text(file.station, used, link.median_s, welcome); !far.empty())
+    fmt::print(stderr, "note: the hand will not engage: {}\n", far);
   if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
   if (device.has_force) fmt::print(stderr, "{}\n", damping_text(file, device));
   if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)

@@ -15,6 +15,10 @@ namespace telenano::app {
 /// How long a reply is held back at the station; 0 if the newest is taken at once.
 double playout_delay_s(const StationFile& file);
 
+/// Why a method shows no force at this round trip, and what to do; empty: it shows it.
+std::string too_far_text(const station::StationConfig& config, control::Method method, double rtt_s,
+                         const link::Welcome& welcome);
+
 /// How the session will run, and what of the wishes this server or link does not give.
 void tell_terms(const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
                 const std::string& scene_name, const station::ScalingCheck& check, const std::string& planned,

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <utility>
 
-#include "telenano/common/control/method_choice.h"
 #include "telenano/master/app/run/keep_awake.h"
 #include "telenano/master/app/run/scene_wait.h"
 #include "telenano/master/app/run/twin_cost.h"
@@ -50,16 +49,11 @@ std::string too_slow(control::LocalSlave& twin, double rate_hz) {
 }
 
 Twins find_twins(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                 const LinkDelay& link, double rate_hz, bool wanted, bool quiet,
-                 scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop, std::string& why) {
+                 double rate_hz, bool wanted, bool quiet, scene_store::SceneKeeper& keeper,
+                 const std::atomic<bool>& stop, std::string& why) {
   Twins twins;
   if (!session.logs_steps()) {
     why = "this server keeps no log of steps (a real AFM or an older program)";
-    return twins;
-  }
-  if (!wanted && link.median_s > control::MethodChoice::kTwinMost_s) {
-    why = fmt::format("the round trip is {:.0f} ms, more than {:.0f} ms", 1e3 * link.median_s,
-                      1e3 * control::MethodChoice::kTwinMost_s);
     return twins;
   }
   if (session.welcome().scene.empty()) {
@@ -100,8 +94,8 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
 }
 
 void tell_no_twin(const std::string& why, bool wanted) {
-  fmt::print(stderr, "note: no twin, {}: {}\n",
-             wanted ? "method model instead" : "a method chosen by the round trip instead", why);
+  fmt::print(stderr, "note: no twin, {}: {}\n", wanted ? "method model instead" : "another method instead",
+             why);
 }
 
 }  // namespace telenano::app

@@ -8,7 +8,6 @@
 
 #include "telenano/common/control/local_slave.h"
 #include "telenano/common/link/client_session.h"
-#include "telenano/master/app/link_probe.h"
 #include "telenano/master/connection/server_link.h"
 #include "telenano/master/scene/scene_keeper.h"
 #include "telenano/master/station/station.h"
@@ -20,6 +19,9 @@ using Twins = std::vector<std::unique_ptr<control::LocalSlave>>;
 
 /// Steps that are kept until the server has made them; twice what is felt without its word.
 inline constexpr double kTwinRingS = 4;
+
+/// The longest round trip: what comes later confirms a step that is too old to be felt (TwinRun::lag_most_s).
+inline constexpr double kTwinMostS = 0.5 * kTwinRingS;
 
 /// A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 inline constexpr double kSceneWaitS = 2;
@@ -36,8 +38,8 @@ std::string too_slow(control::LocalSlave& twin, double rate_hz);
 /// asked for the twin; else it is the rule's first choice, nobody waits for it but some seconds, the first
 /// time, and what takes its place is the rule's next. The session stays awake meanwhile.
 Twins find_twins(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                 const LinkDelay& link, double rate_hz, bool wanted, bool quiet,
-                 scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop, std::string& why);
+                 double rate_hz, bool wanted, bool quiet, scene_store::SceneKeeper& keeper,
+                 const std::atomic<bool>& stop, std::string& why);
 
 /// Says what of the wish for a twin this server does not give.
 void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const link::Welcome& welcome,

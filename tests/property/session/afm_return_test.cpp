@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -15,6 +16,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/config/shared_files.h"
+#include "telenano/common/control/method_choice.h"
 #include "telenano/nve_server/afm_sim/default_scene.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/support/virtual_afm_slave.h"
@@ -286,6 +288,63 @@ TEST(AfmReturn, ATipThatAFaultHasWithdrawnComesBackWithoutAStep) {
     EXPECT_EQ(rig.felt.waiting_n, 0);
     EXPECT_LE(rig.felt.hand_rise_n, kFeltN);
     EXPECT_LE(rig.felt.tip_fall_nm, whole.tip_fall_nm + 1);
+  }
+}
+
+/// Of each of four presses in a row: NRMSE of the felt force against the true one at the tip, and the force of both, RMS.
+struct Press {
+  double wrong_n2 = 0, felt_n2 = 0, true_n2 = 0, ticks = 0;
+  double nrmse() const { return std::sqrt(wrong_n2 / true_n2); }
+};
+
+std::array<Press, 4> four_presses(Method method, double rtt_ms) {
+  constexpr double kOneS = 3;
+  Rig rig(method, rtt_ms);
+  rig.task = device::Task::kScript;
+  const double high = afm::AfmConfig{}.lift_nm;
+  for (int i = 0; i < 4; ++i) {
+    for (const auto& [s, z_nm] : {std::pair{0.0, high}, {1.1, -15.0}, {1.7, -15.0}, {2.8, high}})
+      rig.config.script.push_back({kOneS * i + s, {0, 0, z_nm}});
+  }
+  rig.config.script.push_back({4 * kOneS, {0, 0, high}});
+  rig.open();
+  const double n_per_nn = rig.session->station().config().scaling.hand_force_n(Vec3::UnitX()).x();
+  std::array<Press, 4> presses;
+  for (std::int64_t i = 0; i < 2 * kLong && !rig.session->done(); ++i) {
+    rig.step();
+    if (!rig.task_began) continue;
+    const double felt_n = rig.session->loop().trace().commanded_force_h_n.z();
+    const double true_n = n_per_nn * rig.afm->afm().controller().tip().force_w_nn().z();
+    const double at = std::min(3.0, rig.session->device().motion_time_s() / kOneS);
+    Press& press = presses[static_cast<std::size_t>(at)];
+    press.wrong_n2 += (felt_n - true_n) * (felt_n - true_n);
+    press.felt_n2 += felt_n * felt_n;
+    press.true_n2 += true_n * true_n;
+    ++press.ticks;
+  }
+  EXPECT_TRUE(rig.session->done());
+  std::printf("%s over %g ms, RMS felt of true, N, and NRMSE:",
+              std::string(control::method_name(method)).c_str(), rtt_ms);
+  for (const Press& p : presses)
+    std::printf(" %.2f of %.2f, %.3f;", std::sqrt(p.felt_n2 / p.ticks), std::sqrt(p.true_n2 / p.ticks),
+                p.nrmse());
+  std::printf("\n");
+  return presses;
+}
+
+// Nobody has said which method, and the rule goes by what the first replies say. 0.05 is twice what the readings' age
+// makes of these presses over a near link; over a far one the slave is that much later besides.
+TEST(AfmPresses, TheRuleTakesAMethodThatFeelsTheFourthLikeTheFirst) {
+  for (const double rtt_ms : {0.0, 3.0, 60.0}) {
+    Rig rig(Method::kNone, rtt_ms);
+    rig.open();
+    for (int i = 0; i < 200; ++i) rig.session->step();
+    const bool measures = rig.session->client().reply().measurement_age_ns != 0;
+    const Method rule = control::MethodChoice::at_start({1e-3 * rtt_ms, 0, true, false, measures});
+    for (const Press& press : four_presses(rule, rtt_ms)) {
+      EXPECT_GT(std::sqrt(press.true_n2 / press.ticks), 1);
+      EXPECT_LT(press.nrmse(), rtt_ms > 10 ? 0.2 : 0.05) << rtt_ms;
+    }
   }
 }
 
