@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "telenano/master/app/run/session_terms.h"
 #include "telenano/master/connection/connect.h"
 
 namespace telenano::app {
@@ -30,6 +31,12 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
       return live.tip_stayed_up() ? tip_stayed_up("stopped by the operator") : "";
     case Ending::kTipUp:
       return tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
+    case Ending::kNotEngaged: {
+      const std::string far = too_far_text(station.config(), station.method(),
+                                           1e-6 * live.progress().link.rtt_us, session.welcome());
+      return fmt::format("the hand was not engaged for as long as its task lasts{}{}; the force is zero",
+                         far.empty() ? "" : ": ", far);
+    }
     case Ending::kOtherScene:
       return "";
     case Ending::kFault:

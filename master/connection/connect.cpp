@@ -67,6 +67,11 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
             fmt::format("the server at {} answers in another protocol version than {}; update the older one",
                         name, link::kProtocolVersion));
       }
+      if (session.state() == link::ClientState::kChallenged)
+        throw RunError(fmt::format(
+            "the server at {} answers, but the session was not open within {:g} s: opening takes two "
+            "round trips; a longer --connect-timeout-s waits for them",
+            name, access.connect_timeout_s));
       throw RunError(fmt::format("no answer from {} within {:g} s; {}", name, access.connect_timeout_s,
                                  way.advice(name)));
     }

@@ -28,7 +28,8 @@ IntendedMotion checked(const SimDeviceConfig& config, const IntendedMotion& moti
       throw UserError("motion: at " + std::to_string(point.time_s) + " s the hand would be at " +
                       "xyz"[axis] + " = " + std::to_string(hand_h_m[axis]) + " m, outside the device's +-" +
                       std::to_string(half_m) +
-                      " m; raise scaling.velocity, start nearer to the surface or shorten the motion");
+                      " m; raise scaling.velocity (run --velocity-scale), start nearer to the surface or "
+                      "shorten the motion");
     }
   }
   return whole;

@@ -78,6 +78,7 @@ void RealTimeSession::run() noexcept {
     if (scene_ >= 0) follow_scene(sample);
     follow_undo(sample);
     note_tip(sample);
+    note_standing(sample);
     note_scale(sample);
     summary_.add(sample);
     if (recorder_ != nullptr) {
@@ -452,6 +453,16 @@ void RealTimeSession::note_tip(const recording::Sample& sample) noexcept {
   (station_.tip_up() ? tip_seen_up_ : tip_seen_down_) = true;
 }
 
+/// A tip that is up, or whose state is on its way, will be there; a server that is silent is given up sooner.
+void RealTimeSession::note_standing(const recording::Sample& sample) noexcept {
+  if (hand_.motion == nullptr) return;
+  const bool stands = station_.mode() == station::Mode::kHeld ||
+                      (station_.mode() == station::Mode::kReady && !hand_.motion->motion_started());
+  const bool soon = station_.tip_up() || loop_.trace().twin == station::TwinState::kWaits;
+  if (sample.reply_sequence > 0 && stands && session_.has_session() && station_.holds_tip() && !soon)
+    stands_s_ += sample.dt_s;
+}
+
 /// The station itself goes back to another scale where what it was planned for, the twin, is not felt any more.
 void RealTimeSession::note_scale(const recording::Sample& sample) noexcept {
   const bool leaves = (sample.station_faults & station::kFaultTwinLeft) != 0;
@@ -494,6 +505,13 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
   const bool begun = hand_.motion == nullptr || hand_.motion->motion_started();
   if (!begun && requests_ == nullptr && tip_left_up_s_ > give_up_s_) {
     ending_ = Ending::kTipUp;
+    return true;
+  }
+  // Nor longer than its motion takes, for what keeps it from engaging. At a window a person sees to that, if nobody has
+  // said how long.
+  const bool bounded = !stays_ && (requests_ == nullptr || hand_.duration_s > 0);
+  if (bounded && observe_s_ > 0 && stands_s_ > observe_s_) {
+    ending_ = Ending::kNotEngaged;
     return true;
   }
   // Who does not move the tip watches for as long as the task would take.

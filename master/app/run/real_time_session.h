@@ -33,6 +33,7 @@ enum class Ending : std::uint8_t {
   kRefused,
   kOtherScene,  ///< the session is at another scene of the server, which the station does not know yet
   kTipUp,       ///< the tip was withdrawn and not on its way back, so that the task could not begin
+  kNotEngaged,  ///< replies came, but a played hand stood still for as long as its motion takes
 };
 
 /// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
@@ -116,8 +117,8 @@ struct SessionHand {
 /// server stays silent.
 class RealTimeSession {
  public:
-  /// `recorder` may be null. `observe_s`: how long it looks on if it never gets a shared tip. Everything
-  /// referred to must outlive run().
+  /// `recorder` may be null. `observe_s`: how long it looks on if it never gets a shared tip, and how long a played
+  /// hand stands still with a tip before it is given up. Everything referred to must outlive run().
   RealTimeSession(const SessionHand& hand, net::Datagram& socket, const net::Address& server,
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
                   double give_up_s, double observe_s, const std::atomic<bool>& stop,
@@ -199,6 +200,7 @@ class RealTimeSession {
   double hand_time_s(const recording::Sample& sample) const noexcept;
   bool motion_over(const recording::Sample& sample) const noexcept;
   void note_tip(const recording::Sample& sample) noexcept;
+  void note_standing(const recording::Sample& sample) noexcept;
   void note_scale(const recording::Sample& sample) noexcept;
   bool over(const recording::Sample& sample) noexcept;
 
@@ -239,6 +241,7 @@ class RealTimeSession {
   bool tip_seen_up_ = false;    // by the holder: withdrawn,
   bool tip_seen_down_ = false;  // and not
   double tip_left_up_s_ = 0;    // withdrawn, and not on its way back, for so long
+  double stands_s_ = 0;         // a played hand, in sum, that only the link keeps from its motion
   bool silent_ = false;
   station::Mode last_mode_ = station::Mode::kIdle;
   std::uint64_t last_sessions_;
