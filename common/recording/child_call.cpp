@@ -1,6 +1,7 @@
 #include "telenano/common/recording/child_call.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -18,6 +19,8 @@
 
 namespace telenano::recording {
 namespace {
+
+constexpr int kWantedAgainMs = 50;
 
 enum class Outcome : std::uint8_t { kDone, kUserError, kRunError };
 
@@ -150,22 +153,42 @@ ChildCall::~ChildCall() {
   }
 }
 
-std::string ChildCall::ask(std::string_view request) {
+std::string ChildCall::ask(std::string_view request, const StillWanted& still_wanted) {
   Outcome outcome{};
   std::string answer;
   errno = 0;
-  if (!send_text(fd_, request) || !receive_all(fd_, &outcome, sizeof outcome) ||
-      !receive_text(fd_, answer, limits_.answer_bytes)) {
+  if (!send_text(fd_, request)) ended();
+  if (still_wanted) await_answer(still_wanted);
+  errno = 0;
+  if (!receive_all(fd_, &outcome, sizeof outcome) || !receive_text(fd_, answer, limits_.answer_bytes))
     ended();
-  }
   if (outcome == Outcome::kUserError) throw UserError(answer);
   if (outcome == Outcome::kRunError) throw RunError(answer);
   return answer;
 }
 
+void ChildCall::await_answer(const StillWanted& still_wanted) {
+  pollfd answer{fd_, POLLIN, 0};
+  // A process that is ended hangs up, which ends this too.
+  while (::poll(&answer, 1, kWantedAgainMs) <= 0) {
+    if (!still_wanted()) stop();
+  }
+}
+
 void ChildCall::stop() noexcept {
   const std::lock_guard lock(reaping_);
   if (pid_ > 0) ::kill(pid_, SIGKILL);
+}
+
+void ChildCall::give_way() noexcept {
+  constexpr int kLeast = 19;
+  const std::lock_guard lock(reaping_);
+  if (pid_ > 0) static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(pid_), kLeast));
+}
+
+bool ChildCall::is_over() noexcept {
+  const std::lock_guard lock(reaping_);
+  return pid_ < 0;
 }
 
 void ChildCall::ended() {
@@ -178,12 +201,12 @@ void ChildCall::ended() {
     }
     pid_ = -1;
   }
+  // What takes long need not be damaged.
+  if (too_slow || (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU))
+    throw RunError(subject_ + ": " + limits_.reader + " found no end over it in " +
+                   std::to_string(limits_.time.count()) + " s; " + limits_.advice);
   std::string how = "ended early";
-  if (too_slow || (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)) {
-    how = "found no end";
-  } else if (WIFSIGNALED(status)) {
-    how = std::string("crashed (") + ::strsignal(WTERMSIG(status)) + ")";
-  }
+  if (WIFSIGNALED(status)) how = std::string("crashed (") + ::strsignal(WTERMSIG(status)) + ")";
   throw RunError(subject_ + ": damaged: " + limits_.reader + " " + how + " over it; " + limits_.advice);
 }
 

@@ -29,6 +29,8 @@ struct ChildLimits {
 class ChildCall {
  public:
   using Serve = std::function<std::string(std::string_view request)>;
+  /// Asked several times a second while an answer is waited for. False: nobody wants it, and the process is ended.
+  using StillWanted = std::function<bool()>;
 
   /// `subject` begins every error (a file's name). `time_limit` is for the processor's time of the whole
   /// process, and for the wait for each answer.
@@ -40,13 +42,19 @@ class ChildCall {
   ChildCall& operator=(const ChildCall&) = delete;
 
   /// What serve(request) gives there. Throws the UserError or RunError that it throws; RunError for any other
-  /// exception, and when the process comes to its end.
-  std::string ask(std::string_view request);
+  /// exception, and when the process comes to its end. With `still_wanted` that says how long the answer is waited
+  /// for, and of the limit on time only the processor's is left.
+  std::string ask(std::string_view request, const StillWanted& still_wanted = nullptr);
 
   /// From any thread: the process ends at once. An ask() under way ends by a RunError, as every later one.
   void stop() noexcept;
+  /// From any thread: from now on the process gives way to all others (nice 19).
+  void give_way() noexcept;
+  /// It has come to its end: no further question is answered.
+  bool is_over() noexcept;
 
  private:
+  void await_answer(const StillWanted& still_wanted);
   [[noreturn]] void ended();
 
   std::string subject_;

@@ -31,6 +31,16 @@ surface::HeightGrid scan_of(const scene::BundleParts& parts) {
   return grid;
 }
 
+/// As the description has it; 0: it has none. That it is a radius is for the reader to see.
+double tip_radius_of(const scene::BundleParts& parts) {
+  for (const config::TomlValue& value : parts.values) {
+    if (value.path != "probe.tip_radius_nm") continue;
+    if (const auto* const whole = std::get_if<std::int64_t>(&value.value)) return static_cast<double>(*whole);
+    if (const auto* const number = std::get_if<double>(&value.value)) return *number;
+  }
+  return 0;
+}
+
 /// Heights for the picture: those of the scan, or of the shape at even places over where the tip may go.
 surface::HeightGrid ground_of_scene(const scene::Scene& scene, const scene::BundleParts& parts) {
   surface::HeightGrid grid = scan_of(parts);
@@ -60,6 +70,7 @@ std::string answer(std::string_view request) {
   const scene::BundleParts parts = scene::open_bundle(bundle);
   if (request.front() == 'G') {
     recording::Packer packed;
+    packed.put(tip_radius_of(parts));
     pack(packed, scan_of(parts));
     return packed.take();
   }
@@ -68,6 +79,7 @@ std::string answer(std::string_view request) {
   const surface::HeightGrid ground = ground_of_scene(*scene, parts);
   recording::Packer packed;
   packed.text(scene->name).text(parts.text).put(scene->hash).put(slave::canonical_motion_hash(scene));
+  packed.put(scene->probe.tip_radius_nm);
   pack(packed, ground);
   return packed.take();
 }
@@ -98,6 +110,14 @@ void unpack(recording::Unpacker& from, surface::HeightGrid& grid) {
                    " heights per side, or values that are not numbers");
 }
 
+/// 0, not known, for what is no radius of a tip.
+double unpack_tip_radius(recording::Unpacker& from) {
+  const double radius_nm = from.get<double>();
+  return radius_nm >= SceneChecker::kTipRadiusLeast_nm && radius_nm <= SceneChecker::kTipRadiusMost_nm
+             ? radius_nm
+             : 0;
+}
+
 recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {
   recording::ChildLimits limits;
   limits.time = std::chrono::seconds(seconds);
@@ -110,15 +130,28 @@ recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {
 
 }  // namespace
 
-SceneChecker::SceneChecker(std::size_t memory_bytes, int seconds)
-    : child_(kSubject, answer, limits_of(memory_bytes, seconds)) {}
+SceneChecker::SceneChecker(std::size_t memory_bytes, int seconds, int processes) {
+  for (int i = 0; i < processes; ++i)
+    processes_.push_back(
+        std::make_unique<recording::ChildCall>(kSubject, answer, limits_of(memory_bytes, seconds)));
+}
 
-surface::HeightGrid SceneChecker::ground_of(const std::string& bundle) {
-  const std::string answered = child_.ask("G" + bundle);
+recording::ChildCall& SceneChecker::process() noexcept {
+  while (at_ + 1 < processes_.size() && processes_[at_]->is_over()) ++at_;
+  return *processes_[at_];
+}
+
+void SceneChecker::stop() noexcept {
+  for (const auto& process : processes_) process->stop();
+}
+
+SceneShape SceneChecker::shape_of(const std::string& bundle, const StillWanted& still_wanted) {
+  const std::string answered = process().ask("G" + bundle, still_wanted);
   recording::Unpacker from(answered);
-  surface::HeightGrid grid;
-  unpack(from, grid);
-  return grid;
+  SceneShape shape;
+  shape.tip_radius_nm = unpack_tip_radius(from);
+  unpack(from, shape.heights);
+  return shape;
 }
 
 CheckedScene read_finding(const std::string& finding) {
@@ -128,6 +161,7 @@ CheckedScene read_finding(const std::string& finding) {
   scene.text = from.text();
   scene.scene_hash = from.get<std::uint64_t>();
   scene.canonical_motion = from.get<std::uint64_t>();
+  scene.tip_radius_nm = unpack_tip_radius(from);
   unpack(from, scene.ground);
   return scene;
 }

@@ -16,6 +16,8 @@ namespace {
 
 constexpr std::chrono::milliseconds kWhileFetching(1);
 constexpr std::chrono::milliseconds kElse(20);
+// A check that nobody waits for any more takes its process with it; as many are made before there are threads.
+constexpr int kProcesses = 3;
 
 /// Tells one build of this program from another: what one finds in a scene (the bits of a motion) another
 /// need not.
@@ -43,12 +45,12 @@ Sha256 hash_of(const link::SceneOffer& offer) noexcept {
 SceneKeeper::SceneKeeper(SceneKeeperOptions options)
     : options_(std::move(options)),
       cache_(options_.cache),
-      checker_(options_.check_memory_bytes, options_.check_seconds),
+      checker_(options_.check_memory_bytes, options_.check_most_seconds, kProcesses),
       fetch_(options_.limits) {}
 
 SceneKeeper::~SceneKeeper() {
   stop_.store(true, std::memory_order_release);
-  checker_.stop();  // a look may take a minute, and nobody waits for it any more
+  checker_.stop();  // a look may take long, and nobody waits for it any more
   if (thread_.joinable()) thread_.join();
 }
 
@@ -73,21 +75,42 @@ std::shared_ptr<const surface::HeightGrid> SceneKeeper::ground() const {
   return ground_;
 }
 
-void SceneKeeper::show_ground(const std::string& bundle) {
-  auto ground = std::make_shared<surface::HeightGrid>(checker_.ground_of(bundle));
-  if (ground->z_nm.empty()) return;
+SceneNews SceneKeeper::news() const {
   const std::lock_guard lock(mutex_);
-  ground_ = std::move(ground);
+  return news_;
+}
+
+void SceneKeeper::show_shape(SceneShape shape) {
+  const std::lock_guard lock(mutex_);
+  news_.tip_radius_nm = shape.tip_radius_nm;
+  if (!shape.heights.z_nm.empty())
+    ground_ = std::make_shared<const surface::HeightGrid>(std::move(shape.heights));
+}
+
+void SceneKeeper::check_goes_on(const std::string& bundle) {
+  checker_.give_way();
+  const std::string words = "the server's scene is still being checked after " +
+                            std::to_string(options_.check_seconds) +
+                            " s: the check goes on at low priority, and the scene is used once it ends well";
+  {
+    const std::lock_guard lock(mutex_);
+    news_.check = SceneNews::Check::kGoesOn;
+    news_.words = words;
+  }
+  if (options_.warn) options_.warn(words);
+  // A session that ends before the check does need not have fetched it for nothing.
+  cache_.keep(hash_of(offered_), bundle);
 }
 
 void SceneKeeper::give_up(const std::string& why) {
+  if (stop_.load(std::memory_order_acquire)) return;
+  const std::string words = "the server's scene cannot be used: " + why + "; the session goes on without";
   {
     const std::lock_guard lock(mutex_);
     ground_.reset();  // drawn before it was looked at
+    news_ = {SceneNews::Check::kUnusable, words, 0};
   }
-  if (stop_.load(std::memory_order_acquire)) return;
-  if (options_.say)
-    options_.say("the server's scene cannot be used: " + why + "; the session goes on without");
+  if (options_.warn) options_.warn(words);
   // Last: who sees it may ask at once what was said.
   settled_.store(true, std::memory_order_release);
 }
@@ -102,6 +125,8 @@ void SceneKeeper::take_offer(const loop::OfferedScene& offer, std::int64_t now_n
     scene_.reset();
     bundle_.reset();
     ground_.reset();
+    news_ = {};
+    fetched_.store(0, std::memory_order_relaxed);
   }
   settled_.store(false, std::memory_order_release);
   if (offered_.empty()) {
@@ -138,22 +163,36 @@ void SceneKeeper::use(std::string bundle, bool cached) {
   std::string why;
   // Looking takes as long as making the scene. What this very program has found it need not look for again.
   const auto found = cached ? cache_.read_finding(hash, this_program()) : std::nullopt;
+  const auto late = std::chrono::steady_clock::now() + std::chrono::seconds(options_.check_seconds);
+  bool goes_on = false;
+  bool left = false;  // for another scene
+  const auto still_wanted = [&] {
+    if (!goes_on && std::chrono::steady_clock::now() >= late) {
+      goes_on = true;
+      check_goes_on(*bytes);
+    }
+    left = goes_on && !(pipe_.offer.load().scene == offered_);
+    return !left;
+  };
   try {
-    if (!found) show_ground(*bytes);
-    const std::string finding = found ? *found : checker_.look_at(*bytes);
+    if (!found) show_shape(checker_.shape_of(*bytes, still_wanted));
+    const std::string finding = found ? *found : checker_.look_at(*bytes, still_wanted);
     scene->checked = read_finding(finding);
     if (!cached) why = cache_.keep(hash, *bytes);
     if (!found && why.empty()) why = cache_.keep_finding(hash, this_program(), finding);
   } catch (const std::exception& error) {
+    if (left) return;
     return give_up(error.what());
   }
-  if (!why.empty() && options_.say) options_.say(why);
+  if (!why.empty() && options_.note) options_.note(why);
+  if (goes_on && options_.note) options_.note("the server's scene is checked now, and used");
   scene->same_physics = scene->checked.canonical_motion == offered_.canonical_motion;
   {
     const std::lock_guard lock(mutex_);
     // The same again is no other picture.
     if (ground_ == nullptr || ground_->z_nm != scene->checked.ground.z_nm)
       ground_ = std::shared_ptr<const surface::HeightGrid>(scene, &scene->checked.ground);
+    news_ = {SceneNews::Check::kQuiet, "", scene->checked.tip_radius_nm};
     scene_ = std::move(scene);
   }
   settled_.store(true, std::memory_order_release);
@@ -181,6 +220,8 @@ void SceneKeeper::run() {
       if (piece.bundle == fetch_.scene().name())
         fetch_.take(piece.chunk, std::span(piece.data).first(piece.size), now_ns);
     }
+    if (const std::uint32_t chunks = fetch_.scene().chunks(); chunks > 0)
+      fetched_.store(static_cast<double>(fetch_.have()) / chunks, std::memory_order_relaxed);
     fetch_.set_link_most(pipe_.link_most_per_s.load(std::memory_order_relaxed));
     while (const auto chunk = fetch_.next(now_ns)) pipe_.requests.push({fetch_.scene().name(), *chunk});
     if (!settled_.load(std::memory_order_relaxed) && fetch_.state() == State::kDone)

@@ -26,18 +26,35 @@ struct StationScene {
   bool same_physics = false;
 };
 
+/// What a person is to know of the scene of the newest Welcome.
+struct SceneNews {
+  enum class Check : std::uint8_t {
+    kQuiet,     ///< there is nothing to say: it is used, on its way, or was never offered
+    kGoesOn,    ///< it takes longer than usual; what is drawn is not proven yet
+    kUnusable,  ///< it cannot be had, or must not be used
+  };
+  Check check = Check::kQuiet;
+  std::string words;         ///< one line; empty: nothing to say
+  double tip_radius_nm = 0;  ///< 0: not known
+};
+
 struct SceneKeeperOptions {
   std::filesystem::path cache = SceneCache::users_folder();
   link::SceneFetchLimits limits;
-  /// One line for a person, from the keeper's thread, once for each offer that comes to nothing.
-  std::function<void(const std::string&)> say;
+  /// One line for a person, from the keeper's thread: once for each offer that comes to nothing, and once for each
+  /// whose check takes long.
+  std::function<void(const std::string&)> warn;
+  /// Likewise, of less weight.
+  std::function<void(const std::string&)> note;
   std::size_t check_memory_bytes = SceneChecker::kMemoryBytes;
-  int check_seconds = 60;
+  int check_seconds = 60;  ///< after which a check goes on behind all else, until another scene is offered
+  int check_most_seconds = 3600;  ///< of the processor's time, for the checks of a process
 };
 
 /// Gets the scene that the server offers: from the cache, else piece by piece over the session; looks at it
 /// in a process of its own; keeps it. All in a thread of its own: the loop only feeds `pipe()`. Whatever goes
-/// wrong is one line, and the session goes on without.
+/// wrong is one line, and the session goes on without. A check that takes long is nothing wrong: it goes on, and what
+/// is drawn stays.
 class SceneKeeper {
  public:
   /// Forks (SceneChecker): construct it before there are threads. start() begins the work, once.
@@ -56,6 +73,9 @@ class SceneKeeper {
   /// The surface as it is drawn: that of a scan as soon as its bytes are here, else once the scene was looked
   /// at. Null: not here, or not to be used; no heights: a plane.
   std::shared_ptr<const surface::HeightGrid> ground() const;
+  SceneNews news() const;
+  /// How much of the scene is here, 0 … 1.
+  double fetched() const noexcept { return fetched_.load(std::memory_order_relaxed); }
   /// Nothing is on its way any more: it is here, cannot be had, or was never offered.
   bool settled() const noexcept { return settled_.load(std::memory_order_acquire); }
 
@@ -63,7 +83,8 @@ class SceneKeeper {
   void run();
   void take_offer(const loop::OfferedScene& offer, std::int64_t now_ns);
   void use(std::string bundle, bool cached);
-  void show_ground(const std::string& bundle);
+  void show_shape(SceneShape shape);
+  void check_goes_on(const std::string& bundle);
   void give_up(const std::string& why);
 
   SceneKeeperOptions options_;
@@ -76,6 +97,8 @@ class SceneKeeper {
   std::shared_ptr<const StationScene> scene_;
   std::shared_ptr<const std::string> bundle_;
   std::shared_ptr<const surface::HeightGrid> ground_;
+  SceneNews news_;
+  std::atomic<double> fetched_{0};
   std::atomic<bool> settled_{false};
   std::atomic<bool> stop_{false};
   std::thread thread_;

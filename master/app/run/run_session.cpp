@@ -33,8 +33,12 @@ namespace {
 
 scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
   scene_store::SceneKeeperOptions scene;
+  const bool new_line = isatty(STDERR_FILENO) != 0 && !options.quiet;
+  scene.warn = [new_line](const std::string& text) {
+    fmt::print(stderr, "{}telenano-master: warning: {}\n", new_line ? "\n" : "", text);
+  };
   if (!options.quiet) {
-    scene.say = [new_line = isatty(STDERR_FILENO) != 0](const std::string& text) {
+    scene.note = [new_line](const std::string& text) {
       fmt::print(stderr, "{}note: {}\n", new_line ? "\n" : "", text);
     };
   }

@@ -96,7 +96,22 @@ TEST(ChildCall, ALoopWithoutEndIsEnded) {
 
 TEST(ChildCall, ASleepWithoutEndIsEndedToo) {
   const auto asleep = [](std::string_view) -> std::string { return ::pause(), ""; };
-  EXPECT_NE(outcome_of(asleep, std::chrono::seconds(1)).find("found no end"), std::string::npos);
+  const std::string message = outcome_of(asleep, std::chrono::seconds(1));
+  EXPECT_NE(message.find("found no end over it in 1 s"), std::string::npos) << message;
+  EXPECT_EQ(message.find("damaged"), std::string::npos) << message;
+}
+
+TEST(ChildCall, AnAnswerIsWaitedForAsLongAsItIsWanted) {
+  const auto slow = [](std::string_view request) {
+    ::usleep(1'500'000);
+    return std::string(request);
+  };
+  ChildCall child("a.h5", slow, std::chrono::seconds(1));
+  EXPECT_EQ(child.ask("late", [] { return true; }), "late") << "the limit is the processor's time";
+  EXPECT_FALSE(child.is_over());
+  EXPECT_NE(message_of<RunError>([&] { child.ask("x", [] { return false; }); }).find("Killed"),
+            std::string::npos);
+  EXPECT_TRUE(child.is_over());
 }
 
 TEST(ChildCall, AskingAfterTheEndIsAnErrorToo) {
