@@ -7,8 +7,12 @@
 #include <map>
 #include <sstream>
 
+#include "telenano/master/view_model/start_faults.h"
+
 namespace telenano::view_model {
 namespace {
+
+constexpr std::size_t kReasonMost = 280;  // characters
 
 std::string newtons(double n) {
   if (!std::isfinite(n)) return "–";
@@ -35,6 +39,7 @@ StartPlan parse_plan(const std::string& csv) {
   plan.round_trip_ms = number("round_trip_median");
   plan.safe = !rows["binding"].empty() && rows["binding"] != "nothing_is_safe";
   plan.felt_per_nn_n = number("felt_per_nanonewton");
+  plan.no_forecast = rows["felt_unknown_because"];
   plan.forecast = !rows["felt"].empty() && rows["felt"] != "unknown";
   plan.touches = rows["felt"] == "touch";
   plan.press_depth_nm = number("press_depth");
@@ -54,7 +59,8 @@ std::vector<std::string> plan_text(const StartPlan& plan, bool shows_force) {
   }
   lines.push_back(fmt::format("{} at the hand for 1 nN at the tip", newtons(plan.felt_per_nn_n)));
   if (!plan.forecast) {
-    lines.emplace_back("Touch and pull-off are not known before: this server does not share its scene");
+    lines.push_back("Touch and pull-off are not known before" +
+                    (plan.no_forecast.empty() ? "" : ": " + shown_text(plan.no_forecast, kReasonMost)));
   } else if (!plan.touches) {
     lines.emplace_back("The way down from the start meets no sample");
   } else {

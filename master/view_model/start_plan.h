@@ -13,7 +13,8 @@ struct StartPlan {
   double round_trip_ms = 0;
   bool safe = false;         ///< there is a scale that this device can show passively
   double felt_per_nn_n = 0;  ///< newtons at the hand for a nanonewton at the tip
-  bool forecast = false;     ///< what follows is known
+  std::string no_forecast;   ///< why what follows is not known
+  bool forecast = false;     ///< it is known
   bool touches = false;
   double press_depth_nm = 0;
   double felt_press_n = 0;

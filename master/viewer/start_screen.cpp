@@ -194,7 +194,9 @@ void StartScreen::draw_plan(const StartFacts& facts, const view_model::StartChoi
   ImGui::TextColored(vec4(palette::kQuiet), "What you will feel");
   ImGui::Indent();
   if (facts.looking) {
-    coloured(palette::kWarning, "Asking the server …");
+    coloured(palette::kWarning,
+             "Asking the server …" +
+                 (facts.looking_at.empty() ? "" : " " + view_model::shown_text(facts.looking_at, kTold)));
   } else if (!facts.trouble.empty()) {
     coloured(palette::kAlarm, view_model::shown_text(facts.trouble, kTold));
   } else if (facts.plan) {

@@ -32,6 +32,7 @@ struct StartFacts {
   std::vector<SeenServer> seen;  ///< newest first
   std::vector<OfferedHand> hands;
   bool looking = false;             ///< a server is being asked
+  std::string looking_at;           ///< what is waited for meanwhile; empty: its answer
   std::vector<std::string> scenes;  ///< of the server that has answered last, if it has several
   std::string scenes_of;            ///< that server
   std::optional<view_model::StartPlan> plan;

@@ -37,7 +37,7 @@ constexpr double kProbeS = 0.5;
 constexpr int kProbeMin = 20;
 constexpr int kProbeMax = 500;
 // As long as `run` waits for a twin that nobody asked for, twice: a forecast was asked for.
-constexpr double kSceneWaitS = 16;
+constexpr int kSceneWaitS = 16;
 
 struct PlanOptions : connection::ServerAccess {
   PlanOptions() { server.clear(); }  // a server or a file of limits: neither is taken for granted
@@ -121,6 +121,11 @@ device::DeviceInfo device_info(const PlanOptions& options, const StationFile& fi
   return device::sim_device_info(file.plant);
 }
 
+std::string on_its_way(const scene_store::SceneKeeper& keeper) {
+  if (keeper.bundle() != nullptr) return "the server's scene is here and is being checked";
+  return fmt::format("the server's scene is being fetched: {:.0f} % is here", 100 * keeper.fetched());
+}
+
 /// The sample of the session, pressed here, not at the server.
 void forecast(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
               const StationFile& file, scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop,
@@ -131,11 +136,13 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
     return;
   }
   keeper.start();
-  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, file.station.rate_hz, stop);
+  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, file.station.rate_hz, stop,
+                 [&] { fmt::print(stderr, "note: {}\n", on_its_way(keeper)); });
   const auto scene = keeper.scene();
   if (!scene) {
-    far.no_touch = keeper.settled() ? "the server's scene cannot be fetched"
-                                    : "the server's scene is still being downloaded; try again";
+    far.no_touch = keeper.settled()
+                       ? keeper.news().words
+                       : fmt::format("{}, after {} s; ask again", on_its_way(keeper), kSceneWaitS);
     return;
   }
   const auto twins = twin::decode_twins(scene->bundle, 1);
@@ -261,7 +268,7 @@ void print_felt(const StationFile& file, const Far& far, const control::ScalingP
   fmt::print("scene,{},\n", far.slave.scene_name);
   fmt::print("felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
   if (!far.touch) {
-    fmt::print("felt,unknown,\n");
+    fmt::print("felt,unknown,\nfelt_unknown_because,{},\n", far.no_touch);
     fmt::print(stderr, "felt: not known, {}\n", far.no_touch);
     return;
   }

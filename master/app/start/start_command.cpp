@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -74,6 +75,13 @@ class FieldLook {
   view_model::StartFaults faults_;
 };
 
+/// What a program that still runs has noted last; empty: nothing.
+std::string newest_note(const std::string& err) {
+  constexpr std::string_view kNote = "note: ";
+  const auto lines = last_lines(err, 1);
+  return lines.empty() || !lines.back().starts_with(kNote) ? "" : lines.back().substr(kNote.size());
+}
+
 /// Asks a server in a process of its own: this window never waits for it.
 class Question {
  public:
@@ -81,6 +89,7 @@ class Question {
     program_.reset();
     facts.plan.reset();
     facts.trouble.clear();
+    facts.looking_at.clear();
     answered_faults_ = {};
     asked_ = choice;
     // What is wrong with a field is said there. The recording is no matter of the server's.
@@ -97,7 +106,10 @@ class Question {
   }
   /// True when a server has answered just now.
   bool poll(viewer::StartFacts& facts) {
-    if (!program_ || !program_->ended()) return false;
+    if (!program_) return false;
+    const bool ended = program_->ended();
+    facts.looking_at = ended ? "" : newest_note(program_->err());
+    if (!ended) return false;
     facts.looking = false;
     const bool answered = program_->exit_code() == 0;
     if (answered) {

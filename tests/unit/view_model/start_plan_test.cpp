@@ -27,12 +27,22 @@ TEST(StartPlan, WhatWillBeFeltIsSaidInNewtons) {
 
 TEST(StartPlan, WhatIsNotKnownIsNotSaid) {
   const std::string unknown = words(kTable + "felt,unknown,\n");
-  EXPECT_NE(unknown.find("does not share its scene"), std::string::npos);
+  EXPECT_NE(unknown.find("are not known before\n"), std::string::npos);
   EXPECT_EQ(unknown.find("pull-off 0"), std::string::npos);
   EXPECT_NE(words(kTable + "felt,no_touch,\npress_depth,5,nm\n").find("meets no sample"), std::string::npos);
   const std::string unsafe = words("method,ks,\nbinding,nothing_is_safe,\nscene,flakes,\n");
   EXPECT_NE(unsafe.find("No scale is safe"), std::string::npos);
   EXPECT_EQ(unsafe.find("1 nN"), std::string::npos);
+}
+
+// Each of the causes as the plan has it, and no other one's words.
+TEST(StartPlan, WhyTouchIsNotKnownIsSaid) {
+  for (const std::string why : {"this server does not share its scene",
+                                "the server's scene is being fetched: 43 % is here, after 16 s",
+                                "the server's scene cannot be used: a, b; the session goes on without"}) {
+    const std::string text = words(kTable + "felt,unknown,\nfelt_unknown_because," + why + ",\n");
+    EXPECT_NE(text.find("Touch and pull-off are not known before: " + why + "\n"), std::string::npos) << text;
+  }
 }
 
 TEST(StartPlan, TheScenesOfAServerAreInItsOrder) {
