@@ -27,6 +27,8 @@ LocalScene read_scene(const std::string& path) {
   if (surface && surface->text_or("kind", "") == "scan")
     scene.scan_path = document.resolve(surface->text("file"));
   if (surface) scene.force = surface->text_or("force", scene.force);
+  const auto probe = document.root().optional_table("probe");
+  if (probe) scene.tip_radius_nm = probe->number_or("tip_radius_nm", config::positive(), 0);
   return scene;
 }
 

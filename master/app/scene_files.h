@@ -17,7 +17,8 @@ struct LocalScene {
   std::string text;       ///< the whole file
   std::string scan_path;  ///< of the surface; empty: it is none that was scanned
   std::string force =
-      "law";  ///< what the ground is to the tip: "law" or "potential" (config/surface_force.h)
+      "law";                 ///< what the ground is to the tip: "law" or "potential" (config/surface_force.h)
+  double tip_radius_nm = 0;  ///< 0: it has none
 };
 
 /// The scene of this name and hash (16 hexadecimal digits), if it is here: `also` (a file, may be empty), one

@@ -325,6 +325,7 @@ void draw_foot_notes(const Gui& gui, const Pen& pen, const ViewFacts& facts, con
   };
   std::vector<Pen::Line> lines;
   if (!facts.surface_doubt.empty()) lines.push_back(note(facts.surface_doubt, palette::kWarning));
+  if (!facts.scene.note.empty()) lines.push_back(note(facts.scene.note, palette::kWarning));
   if (!state.ground.is_scan() && state.touched.points_w_nm().empty()) {
     lines.push_back(note("no scan given (--surface):", palette::kQuiet));
     lines.push_back(note("the plane at the touch height", palette::kQuiet));
@@ -402,14 +403,20 @@ void draw_close_up_text(const Gui& gui, const SceneState& state, const view_mode
   const float s = pen.s();
   pen.list()->AddLine({pen.left(), pen.top()}, {pen.left(), pen.bottom()}, ink(palette::kEdge), 2 * s);
   const bool wide = static_cast<float>(area.width_px) > 300 * s;
-  const std::string radius = fmt::format("tip radius drawn: {:g} nm", state.tip_radius_nm);
   std::vector<Pen::Line> title = {
       {wide ? "Section through the tip along x" : "Section along x", palette::kText, gui.text()}};
-  if (wide) {
-    title.push_back({"true proportions; " + radius, palette::kQuiet, gui.small()});
-  } else {
-    title.push_back({"true proportions", palette::kQuiet, gui.small()});
-    title.push_back({radius, palette::kQuiet, gui.small()});
+  // As few lines as there is room for.
+  for (const auto& [words, parting] : {std::pair<std::string, const char*>{"true proportions", ""},
+                                       {state.tip.words, "; "},
+                                       {state.tip.doubt, " "}}) {
+    if (words.empty()) continue;
+    const std::string joined = title.back().words + parting + words;
+    const float room = static_cast<float>(area.width_px) - 20 * s;
+    if (title.size() > 1 && text_size(gui.small(), joined.c_str()).x < room) {
+      title.back().words = joined;
+    } else {
+      title.push_back({words, palette::kQuiet, gui.small()});
+    }
   }
   pen.block(title, {{pen.left() + 10 * s, pen.top() + 8 * s}});
   // The picture is orthographic: a bar across it is true everywhere.

@@ -42,6 +42,7 @@ void photograph(const ViewFacts& facts, view_model::Ground ground, view_model::V
       // Before the samples: their gap is that to the ground.
       if (auto changed = hooks.changed_ground()) viewer.set_ground(std::move(*changed));
     }
+    if (now && hooks.server_scene) viewer.set_server_scene(hooks.server_scene(), 0);
     viewer.take_samples();
     if (now) {
       taken = true;

@@ -226,7 +226,7 @@ void SceneRenderer::use_ground(const SceneState& state, const Camera& camera, co
   p.set("relief", ground.relief_nm());
   set_light(p, camera);
   p.set("tip", frame.scene_nm(state.tip_pos_w_nm));
-  p.set("shadow_radius", state.tip_radius_nm);
+  p.set("shadow_radius", state.tip.radius_nm);
   if (grid) p.set("grid_step", view_model::nice_step(0.05 * camera.nm_per_pixel(1)));
 }
 
@@ -294,7 +294,7 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
   overview_.draw(GL_TRIANGLES);
 
   const double extent = extent_nm(state.ground);
-  const double radius = state.tip_radius_nm;
+  const double radius = state.tip.radius_nm;
   const Vec3 apex = frame.scene_nm(state.tip_pos_w_nm);
   const Vec3 middle = apex + radius * Vec3::UnitZ();
   const double shank_nm = 0.13 * extent;
@@ -397,13 +397,13 @@ void SceneRenderer::draw_particle_cut_open(const SceneState& state, const Camera
   if (!(radius > 0)) return;
   const Vec3 centre = frame.scene_nm(state.particle.pos_w_nm);
   use_solids(cut_program_, camera, clip);
-  cut_program_.set("cut_y", frame.scene_nm(state.tip_pos_w_nm).y() + 0.01 * state.tip_radius_nm);
+  cut_program_.set("cut_y", frame.scene_nm(state.tip_pos_w_nm).y() + 0.01 * state.tip.radius_nm);
   draw_solid(cut_program_, sphere_, moved_to(centre, radius), palette::kParticle, 1);
   solid_program_.use();
   const double plane_y = frame.scene_nm(state.tip_pos_w_nm).y();
   const double off = centre.y() - plane_y;
   if (std::abs(off) >= radius) return;
-  const Vec3 before_cut(centre.x(), plane_y - 0.02 * state.tip_radius_nm, centre.z());
+  const Vec3 before_cut(centre.x(), plane_y - 0.02 * state.tip.radius_nm, centre.z());
   draw_solid(disc_,
              along_axis(before_cut, Vec3::UnitY(), std::sqrt(radius * radius - off * off), 1e-3 * radius),
              palette::kParticleCut, 1);
@@ -416,7 +416,7 @@ void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera,
   const double half_nm = 1.15 * camera.half_height_nm * area.aspect();
   // The tip is cut open along the same plane as the sample, so that its outline there is the true one. What
   // is in front comes first: what it hides need not be shaded.
-  const double radius = state.tip_radius_nm;
+  const double radius = state.tip.radius_nm;
   const Vec3 apex = frame.scene_nm(state.tip_pos_w_nm);
   const Vec3 middle = apex + radius * Vec3::UnitZ();
   use_solids(solid_program_, camera, clip);

@@ -5,6 +5,7 @@
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/link/messages.h"
 #include "telenano/master/view_model/ground.h"
+#include "telenano/master/view_model/server_scene.h"
 #include "telenano/master/view_model/trail.h"
 
 namespace telenano::viewer {
@@ -21,7 +22,7 @@ struct SceneState {
   double deflection_nm = 0;             ///< of the lever, up positive
   double lever_exaggeration = 1;        ///< of that, in the overview
   bool contact = false;
-  double tip_radius_nm = 20;
+  view_model::DrawnTip tip{20, "", ""};
   // Between these the tip can be led now; infinite: not known.
   Vec3 wall_min_w_nm = Vec3::Constant(-std::numeric_limits<double>::infinity());
   Vec3 wall_max_w_nm = Vec3::Constant(std::numeric_limits<double>::infinity());

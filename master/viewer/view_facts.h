@@ -9,6 +9,7 @@
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/master/view_model/scaling_region.h"
+#include "telenano/master/view_model/server_scene.h"
 #include "telenano/master/view_model/view_port.h"
 
 namespace telenano::viewer {
@@ -49,7 +50,8 @@ struct ViewFacts {
   double text_size = 1;                        ///< of words, times the screen's own
   bool can_undo = false;                       ///< the server takes marks back
   bool can_record = false;                     ///< a recording can begin while the session runs
-  double tip_radius_nm = 20;                   ///< drawn; the server does not tell it
+  double tip_radius_given_nm = 0;              ///< by a person, to be drawn; 0: as the scene has it
+  view_model::ServerScene scene{};             ///< as far as it is known before
   view_model::ScalingRegion region{};
   std::array<bool, control::kAllMethods.size()> method_offered{};  ///< by this server
 };

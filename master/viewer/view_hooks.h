@@ -26,6 +26,8 @@ struct ViewHooks {
   std::function<std::string()> record;
   /// The surface again when its file has changed; asked about once a second.
   std::function<std::optional<view_model::Ground>()> changed_ground;
+  /// What is known of the server's scene by now; asked about once a second.
+  std::function<view_model::ServerScene()> server_scene;
   /// A picture that has the sample's heights is on the screen; called often.
   std::function<void()> sample_drawn;
   /// Where the mouse's hand goes; null when another device is the hand.

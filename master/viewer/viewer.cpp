@@ -31,6 +31,7 @@ ChartBox box_of(const Area& area) {
 
 Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port, float scale)
     : facts_(facts),
+      tip_(view_model::drawn_tip(facts.tip_radius_given_nm, facts.scene.tip_radius_nm)),
       port_(port),
       screen_scale_(scale),
       gui_(scale),
@@ -56,6 +57,12 @@ void Viewer::set_ground(view_model::Ground ground) {
     fit_overview_to_ground();
   }
   set_region();
+}
+
+void Viewer::set_server_scene(const view_model::ServerScene& scene, double time_s) {
+  if (!scene.words.empty() && scene.words != facts_.scene.words) say(scene.words, time_s);
+  facts_.scene = scene;
+  tip_ = view_model::drawn_tip(facts_.tip_radius_given_nm, scene.tip_radius_nm);
 }
 
 void Viewer::take_played(double time_s) {
@@ -86,7 +93,7 @@ SceneState Viewer::state(bool overview) const {
   state.deflection_nm = now.deflection_nm;
   state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground, live_.deflection_full_nm());
   state.contact = live_.contact();
-  state.tip_radius_nm = facts_.tip_radius_nm;
+  state.tip = tip_;
   state.particle = live_.particle();
   state.wall_min_w_nm = facts_.workspace_min_w_nm;
   state.wall_max_w_nm = facts_.workspace_max_w_nm;

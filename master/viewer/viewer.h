@@ -35,6 +35,8 @@ class Viewer {
 
   /// Another scan of the same sample, e.g. with new marks.
   void set_ground(view_model::Ground ground);
+  /// What is known of its scene by now: what is new in it is said.
+  void set_server_scene(const view_model::ServerScene& scene, double time_s);
 
   /// Shows a recording instead of a session: time passes by draw().
   void play(view_model::Playback& playback) noexcept { playback_ = &playback, panel_.play(playback); }
@@ -135,6 +137,7 @@ class Viewer {
   view_model::Camera fitted_overview(const Area& area) const noexcept;
 
   ViewFacts facts_;
+  view_model::DrawnTip tip_;
   view_model::ViewPort& port_;
   float screen_scale_;
   double text_size_ = 1;

@@ -147,6 +147,7 @@ void Viewer::wait(const std::string& words, const Vec3& tip_w_nm) {
 void Viewer::begin(const ViewFacts& facts) {
   waiting_.clear();
   facts_ = facts;
+  tip_ = view_model::drawn_tip(facts.tip_radius_given_nm, facts.scene.tip_radius_nm);
   panel_.begin();
   hand_ = view_model::PointerHand(facts.hand_half_m, facts.hand_back_s);
   live_ = view_model::LiveSession(kTrailStep_nm);

@@ -28,7 +28,7 @@ void Viewer::set_region() {
 
 void Viewer::narrow_region(double time_s) {
   const bool was_part = part_.has_value();
-  const bool narrower = region_.narrow(ground_, tip_w_nm(), 4 * facts_.tip_radius_nm);
+  const bool narrower = region_.narrow(ground_, tip_w_nm(), 4 * tip_.radius_nm);
   if (!narrower && !was_part) say("The sample is too small for a region of it", time_s);
   set_region();
   fit_overview_to_ground();
@@ -100,7 +100,7 @@ view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
   // The apex and what stands on it, with room for the words beside it.
   const Vec3 apex = SceneRenderer::overview_frame(overview_ground()).scene_nm(tip);
   double distance_nm = camera.distance_nm;
-  for (const Vec3& point : {apex, Vec3(apex + 2.5 * facts_.tip_radius_nm * Vec3::UnitZ())}) {
+  for (const Vec3& point : {apex, Vec3(apex + 2.5 * tip_.radius_nm * Vec3::UnitZ())}) {
     const Vec3 d = point - camera.target_nm;
     const double high = std::abs(d.dot(camera.up())) / (kTipInside * tangent);
     const double wide = std::abs(d.dot(camera.right())) / (kTipInside * tangent * area.aspect());

@@ -153,6 +153,9 @@ void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Groun
     }
     auto changed = hooks.changed_ground ? hooks.changed_ground() : std::nullopt;
     if (changed) viewer.set_ground(std::move(*changed));
+    if (hooks.server_scene)
+      viewer.set_server_scene(hooks.server_scene(),
+                              std::chrono::duration<double>(Clock::now() - start).count());
     // The processors are for what is waited for.
     if (changed || (!over && Clock::now() >= next)) {
       next = Clock::now() + kWaitingFrame;
@@ -212,9 +215,11 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
       port.quit.store(true);
       asked_to_quit = true;
     }
-    if (hooks.changed_ground && time_s > reload_s) {
+    if (time_s > reload_s) {
       reload_s = time_s + (viewer.ground().is_scan() ? kReloadS : kFirstLookS);
-      if (auto changed = hooks.changed_ground()) viewer.set_ground(std::move(*changed));
+      auto changed = hooks.changed_ground ? hooks.changed_ground() : std::nullopt;
+      if (changed) viewer.set_ground(std::move(*changed));
+      if (hooks.server_scene) viewer.set_server_scene(hooks.server_scene(), time_s);
     }
     int width_px = 0;
     int height_px = 0;

@@ -29,6 +29,7 @@ struct SessionWindow {
 struct WaitingHooks {
   std::function<bool()> over;  ///< nothing is waited for any more
   std::function<std::optional<view_model::Ground>()> changed_ground;
+  std::function<view_model::ServerScene()> server_scene;
   std::function<void()> cancel;        ///< a person closes the window; called once
   std::function<void()> sample_drawn;  ///< a picture that has its heights is on the screen; called often
 };

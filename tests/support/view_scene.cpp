@@ -45,6 +45,7 @@ viewer::ViewFacts view_facts() {
   facts.scene_name = "made by formula";
   facts.device_name = "none";
   facts.hand_force_limit_n = 9.6;
+  facts.scene.tip_radius_nm = 20;
   facts.energy_bound_j = 0.010;
   facts.region.impedance_bound.fill(30);
   facts.region.device_force_scale = 4e7;

@@ -15,6 +15,7 @@
 #include "telenano/master/app/run/session_terms.h"
 #include "telenano/master/app/run/shown_ground.h"
 #include "telenano/master/app/run/sim_hand.h"
+#include "telenano/master/app/scene_files.h"
 
 namespace telenano::app {
 namespace {
@@ -170,10 +171,17 @@ void SceneSession::follow_scaling() {
 }
 
 void SceneSession::show() {
+  // A scene that the server keeps to itself may be here all the same.
+  double tip_radius_nm = 0;
+  if (parts_.view.wanted() && welcome_.scene.empty())
+    if (const auto local = find_scene(slave_.scene_name, slave_.scene_hash, options_.scene))
+      tip_radius_nm = local->tip_radius_nm;
   view_model::ViewRequestHandler* const requests = parts_.view.begin(
       {config(), device_info_, slave_, welcome_.feature_bits, delay_samples_, scene_names(parts_.scenes),
        options_.server, options_.record, tasks_, file_.plant.workspace_half_m, options_.give_up_s,
-       newest_ground(parts_.scene, *parts_.station), options_.practice});
+       newest_ground(parts_.scene, *parts_.station),
+       [&keeper = parts_.scene, tip_radius_nm] { return shown_scene(keeper, tip_radius_nm); },
+       options_.practice});
   if (requests != nullptr) live_->show_on(*requests, stays_open(options_, parts_.view, parts_.simulated));
 }
 

@@ -35,6 +35,17 @@ std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_st
   };
 }
 
+view_model::ServerScene shown_scene(const scene_store::SceneKeeper& keeper, double local_tip_radius_nm) {
+  using Check = scene_store::SceneNews::Check;
+  scene_store::SceneNews news = keeper.news();
+  view_model::ServerScene scene;
+  scene.tip_radius_nm = news.tip_radius_nm > 0 ? news.tip_radius_nm : local_tip_radius_nm;
+  scene.words = std::move(news.words);
+  if (news.check == Check::kGoesOn) scene.note = "the server's scene is still being checked";
+  if (news.check == Check::kUnusable) scene.note = "the server's scene cannot be used";
+  return scene;
+}
+
 MarkRows::Sample marked_sample(const scene_store::SceneKeeper& keeper, const station::Station& station) {
   return {[&station]() -> const surface::HeightView* {
             const station::TwinRun* const twin = station.twin();

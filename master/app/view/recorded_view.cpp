@@ -87,7 +87,9 @@ viewer::ViewFacts facts_of(const recording::RecordingReader& reader, const ViewO
   facts.hand_force_limit_n =
       number_of(reader, "limits.force_safety", 0) * number_of(reader, "haptic.force_max_n", 0);
   facts.energy_bound_j = number_of(reader, "control.allowance_j", 0);
-  facts.tip_radius_nm = options.tip_radius_nm;
+  facts.tip_radius_given_nm = options.tip_radius_nm;
+  if (const auto local = find_scene(facts.scene_name, reader.configuration("scene_hash")))
+    facts.scene.tip_radius_nm = local->tip_radius_nm;
   facts.text_size = options.text_size;
   return facts;
 }
@@ -110,7 +112,7 @@ view_model::Ground plane_under(const std::vector<recording::Sample>& rows, doubl
 
 /// The scene's surface where the recording holds the scene; what does not hold together is a plane, and said.
 view_model::Ground recorded_ground(const recording::RecordingReader& reader,
-                                   const std::vector<recording::Sample>& rows, double surface_z_w_nm) {
+                                   const std::vector<recording::Sample>& rows, viewer::ViewFacts& facts) {
   const std::string held = reader.configuration("scene_bundle");
   if (!held.empty()) {
     try {
@@ -120,13 +122,14 @@ view_model::Ground recorded_ground(const recording::RecordingReader& reader,
           scene_store::read_finding(scene_store::SceneChecker().look_at(*bundle));
       if (fmt::format("{:016x}", scene.scene_hash) != reader.configuration("scene_hash"))
         throw RunError("differs from the session's");
+      facts.scene.tip_radius_nm = scene.tip_radius_nm;
       if (!scene.ground.z_nm.empty()) return view_model::Ground(std::move(scene.ground));
     } catch (const std::exception& error) {
       fmt::print(stderr, "note: {}: the scene in it: {}; a plane is drawn\n", reader.path().string(),
                  error.what());
     }
   }
-  return plane_under(rows, surface_z_w_nm);
+  return plane_under(rows, facts.surface_z_w_nm);
 }
 
 view_model::Ground scan_ground(const recording::RecordingReader& reader, const std::string& text,
@@ -173,7 +176,7 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   Rows read = read_rows(reader);
   viewer::ViewFacts facts = facts_of(reader, options, read.every);
   view_model::Ground ground = options.surface.empty()
-                                  ? recorded_ground(reader, read.rows, facts.surface_z_w_nm)
+                                  ? recorded_ground(reader, read.rows, facts)
                                   : scan_ground(reader, options.surface, facts.surface_doubt);
   // A surface that somebody gives is drawn as it is.
   view_model::MarkedGround marked(

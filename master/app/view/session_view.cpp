@@ -59,6 +59,7 @@ struct SessionView::Parts {
   std::string scan_bytes;
   std::optional<view_model::Ground> ground;
   std::function<std::optional<surface::HeightGrid>()> fetched_ground;
+  std::function<view_model::ServerScene()> server_scene;
   viewer::ViewFacts facts;
   std::optional<viewer::SessionWindow> window;
 };
@@ -107,7 +108,7 @@ void SessionView::wait_for(const Waiting& waiting, const std::function<void()>& 
   facts.scene_name = waiting.slave.scene_name;
   facts.server = waiting.server;
   facts.surface_z_w_nm = waiting.slave.surface_z_w_nm;
-  facts.tip_radius_nm = options_.tip_radius_nm;
+  facts.tip_radius_given_nm = options_.tip_radius_nm;
   facts.text_size = options_.text_size;
   const auto plane = [&] {
     return view_model::Ground(waiting.slave.surface_z_w_nm, waiting.slave.workspace_min_w_nm,
@@ -115,6 +116,7 @@ void SessionView::wait_for(const Waiting& waiting, const std::function<void()>& 
   };
   viewer::WaitingHooks hooks;
   hooks.cancel = waiting.cancel;
+  hooks.server_scene = waiting.server_scene;
   if (!parts_->scan) {
     hooks.changed_ground = [&]() -> std::optional<view_model::Ground> {
       auto grid = waiting.fetched_ground();
@@ -187,7 +189,9 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   facts.energy_bound_j = session.station.allowance_j;
   facts.give_up_s = session.give_up_s;
   facts.practice = session.practice;
-  facts.tip_radius_nm = options_.tip_radius_nm;
+  facts.tip_radius_given_nm = options_.tip_radius_nm;
+  parts_->server_scene = session.server_scene;
+  if (parts_->server_scene) facts.scene.tip_radius_nm = parts_->server_scene().tip_radius_nm;
   facts.text_size = options_.text_size;
   facts.can_record = window_;
   facts.can_undo = (session.feature_bits & link::kFeatureUndo) != 0;
@@ -261,6 +265,7 @@ std::string SessionView::run(const RealTimeSession& live, bool give_way, const C
       return view_model::Ground(facts.surface_z_w_nm, facts.workspace_min_w_nm, facts.workspace_max_w_nm);
     };
   }
+  hooks.server_scene = parts_->server_scene;
   hooks.pointer = &pointer_;
   hooks.sample_drawn = [this] { note_sample_drawn(); };
   hooks.session_end = callbacks.session_end;

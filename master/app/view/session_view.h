@@ -17,6 +17,7 @@
 #include "telenano/master/app/run/real_time_session.h"
 #include "telenano/master/device/pointer_device.h"
 #include "telenano/master/station/station_config.h"
+#include "telenano/master/view_model/server_scene.h"
 #include "telenano/master/view_model/session_end.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/view_model/view_request_handler.h"
@@ -37,7 +38,7 @@ struct ViewOptions {
   bool no_view = false;
   bool guide = false;
   std::string surface;
-  double tip_radius_nm = 20;
+  double tip_radius_nm = 0;  ///< 0: as the scene has it
   double text_size = 1;
   std::string screenshot;
   double at_s = 5;
@@ -70,6 +71,7 @@ struct ViewedSession {
   double give_up_s = 0;               ///< of silence
   /// The true surface, once it is here: each time that it is another one. Null function: it never comes.
   std::function<std::optional<surface::HeightGrid>()> fetched_ground = nullptr;
+  std::function<view_model::ServerScene()> server_scene = nullptr;
   std::optional<link::PracticeLink> practice{};  ///< where the link can be made worse
 };
 
@@ -97,7 +99,8 @@ class SessionView {
     config::SlaveLimits slave;
     Vec3 tip_w_nm = Vec3::Zero();                                        ///< where it begins
     std::function<std::optional<surface::HeightGrid>()> fetched_ground;  ///< as of ViewedSession
-    std::function<void()> cancel;                                        ///< a person closes the window
+    std::function<view_model::ServerScene()> server_scene;
+    std::function<void()> cancel;  ///< a person closes the window
   };
   /// `work`, which may take seconds; what it throws is thrown. With a window it is done in a thread of its own
   /// while the window shows the sample. In the main thread.

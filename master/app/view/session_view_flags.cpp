@@ -12,9 +12,10 @@ void add_picture_flags(CLI::App& command, ViewOptions& options, const std::strin
                   "changes. Default: the scan that the server offers, else a plane and the places touched")
       ->type_name(config::kSceneOrFile);
   command
-      .add_option("--tip-radius-nm", options.tip_radius_nm,
-                  "Radius of the tip as drawn; the server does not report its own")
-      ->capture_default_str()
+      .add_option(
+          "--tip-radius-nm", options.tip_radius_nm,
+          "Radius of the tip as drawn. Default: that of the scene, where it is known (shared by the server, "
+          "in the recording, or a file here), else 20, and the picture says that it is assumed")
       ->check(CLI::Range(0.5, 10000.0));
   command
       .add_option("--text-size", options.text_size,

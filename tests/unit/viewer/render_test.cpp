@@ -71,6 +71,48 @@ TEST_F(Render, TipStandsWhereItIs) {
   EXPECT_GT(std::abs(beside.b - beside.r) + std::abs(beside.g - c.g), 0.1);
 }
 
+// As wide in the section as its radius, by the scale of the parallel projection: from one bright rim to the other at the
+// height of its middle; and in the overview a sphere of that size.
+TEST_F(Render, TheTipIsAsLargeAsTheSceneHasIt) {
+  for (const double radius_nm : {5.0, 8.0, 10.0}) {
+    make();
+    viewer_->set_server_scene({radius_nm, "", ""}, 0);
+    play(0, 1000);  // 13.5 nm above the ground
+    draw();
+    const view_model::Camera& section = viewer_->close_up_camera();
+    const auto& tip = viewer_->live().now().tip_pos_w_nm;
+    const auto& ground = viewer_->ground();
+    const Vec3 middle_of_ground = 0.5 * (ground.min_w_nm() + ground.max_w_nm());
+    const Vec3 middle(tip[0] - middle_of_ground.x(), tip[1] - middle_of_ground.y(),
+                      tip[2] + radius_nm - ground.min_w_nm().z());
+    const Area area = layout().close_up;
+    const Pixel centre = project(section, middle, area);
+    const double nm_per_px = 2 * section.half_height_nm / area.height_px;
+    const auto rim_px = [&](int step) {  // outermost bright pixel of the row
+      double rim = 0;
+      for (int dx = 0; std::abs(dx) < 30 / nm_per_px; dx += step) {
+        const double x = centre.x + dx;
+        if (x < area.x_px + 3 || x > area.x_px + area.width_px - 3) break;
+        const Rgb c = at({x, centre.y});
+        if (c.r > 0.6f && c.g > 0.6f && c.b > 0.6f) rim = std::abs(dx);
+      }
+      return rim;
+    };
+    ASSERT_GT(centre.y, area.y_px + 50) << "the row is under the words";
+    EXPECT_NEAR(nm_per_px * rim_px(1), radius_nm, 2 * nm_per_px) << radius_nm;
+    EXPECT_NEAR(nm_per_px * rim_px(-1), radius_nm, 2 * nm_per_px) << radius_nm;
+    // The overview: grey inside of the sphere, the ground or the dark beside it.
+    const view_model::Camera overview = overview_camera();
+    const Vec3 ball = in_overview(tip[0], tip[1], tip[2]) + radius_nm * Vec3::UnitZ();
+    const auto grey = [&](double part) {
+      const Rgb c = at(project(overview, ball + part * radius_nm * overview.right(), layout().overview));
+      return std::abs(c.r - c.b) < 0.12f && c.g > 0.15f;
+    };
+    EXPECT_TRUE(grey(0.7)) << radius_nm;
+    EXPECT_FALSE(grey(1.4)) << radius_nm;
+  }
+}
+
 // Sand-coloured where the two projections put its middle, and nothing there without one.
 TEST_F(Render, AParticleLiesWhereItIs) {
   make(false);

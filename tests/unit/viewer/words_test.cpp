@@ -272,13 +272,13 @@ TEST_F(Render, NoNumberOfThePanelIsCutAtAnySizeAndScale) {
 }
 
 /// Two frames without smoothing, which words do not need: ImGui knows the sizes of its windows after the first.
-void draw_plain(Viewer& viewer, int wide, int high) {
+void draw_plain(Viewer& viewer, int wide, int high, double time_s = 0) {
   const Canvas canvas(wide, high, 0);
   ImGui::GetIO().DeltaTime = 1.0f / 60;
   viewer.settle(120);
   for (int i = 0; i < 2; ++i) {
     canvas.bind();
-    viewer.draw(wide, high, i / 60.0, {});
+    viewer.draw(wide, high, time_s + i / 60.0, {});
   }
 }
 
@@ -405,6 +405,64 @@ TEST_F(Render, WhatIsSaidForAMomentIsWholeAndLiesOnNoOtherWords) {
         }
       }
     }
+  }
+}
+
+// Why the server's scene is not used, or not yet: said, and in short as long as it is so.
+TEST_F(Render, WhatIsWrongWithTheServersSceneIsSaidAndStaysInShort) {
+  make();
+  play(0, 5000);
+  const auto text = [&](double time_s) {
+    draw_plain(*viewer_, 1280, 800, time_s);
+    const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+    EXPECT_EQ(overlaps(glyphs), "");
+    return drawn_text(glyphs);
+  };
+  const auto count = [](const std::string& shown, const std::string& words) {
+    int found = 0;
+    for (auto at = shown.find(words); at != std::string::npos; at = shown.find(words, at + 1)) ++found;
+    return found;
+  };
+  const view_model::ServerScene slow{10, "the check goes on", "still being checked"};
+  viewer_->set_server_scene(slow, 0);
+  EXPECT_EQ(count(text(0), "thecheckgoeson"), 1);
+  EXPECT_EQ(count(text(60), "thecheckgoeson"), 0) << "said once";
+  viewer_->set_server_scene(slow, 60);
+  const std::string later = text(60);
+  EXPECT_EQ(count(later, "thecheckgoeson"), 0) << "and not again";
+  EXPECT_EQ(count(later, "stillbeingchecked"), 1);
+  viewer_->set_server_scene({10, "", ""}, 61);
+  EXPECT_EQ(count(text(61), "stillbeingchecked"), 0);
+  viewer_->set_server_scene({0, "it is damaged", "cannot be used"}, 62);
+  const std::string damaged = text(62);
+  EXPECT_EQ(count(damaged, "itisdamaged"), 1) << damaged;
+  EXPECT_EQ(count(damaged, "cannotbeused"), 1) << damaged;
+}
+
+// The largest words of the tip's radius fit into the narrowest section.
+TEST_F(Render, TheTipsRadiusIsSaidWithWhereItIsFrom) {
+  const auto text = [&](int wide, int high) {
+    draw_plain(*viewer_, wide, high);
+    const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+    EXPECT_EQ(overlaps(glyphs), "");
+    for (const Glyph& g : glyphs) EXPECT_FALSE(g.cut) << static_cast<char>(g.letter);
+    return drawn_text(glyphs);
+  };
+  facts_.scene = {};
+  for (const auto& [wide, high] : {std::pair{640, 480}, {1000, 640}, {1280, 800}}) {
+    facts_.tip_radius_given_nm = 0;
+    make();
+    play(0, 5000);
+    EXPECT_NE(text(wide, high).find("tipradiusdrawn:20nm(assumed)"), std::string::npos) << wide;
+    viewer_->set_server_scene({10, "", ""}, 0);
+    const std::string known = text(wide, high);
+    EXPECT_NE(known.find("tipradiusdrawn:10nm"), std::string::npos) << known;
+    EXPECT_EQ(known.find("assumed"), std::string::npos) << known;
+    facts_.tip_radius_given_nm = 1234;
+    make();
+    play(0, 5000);
+    viewer_->set_server_scene({10.5, "", ""}, 0);
+    EXPECT_NE(text(wide, high).find("tipradiusdrawn:1234nm(thescene's:10.5nm)"), std::string::npos) << wide;
   }
 }
 
