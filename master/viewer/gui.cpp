@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "telenano/common/base/error.h"
+#include "telenano/master/viewer/keys.h"
 
 namespace telenano::viewer {
 namespace {
@@ -61,6 +62,7 @@ Gui::Gui(float scale) : scale_(scale) {
   ImGuiIO& io = ImGui::GetIO();
   io.IniFilename = nullptr;  // nothing is kept between sessions: the same picture every time
   io.LogFilename = nullptr;
+  begin_keys();
   set_style(scale);
   load_fonts();
   if (!ImGui_ImplOpenGL3_Init("#version 330 core"))

@@ -1,6 +1,11 @@
 #include "telenano/master/viewer/note_box.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
 #include <algorithm>
+
+#include "telenano/master/viewer/keys.h"
 
 namespace telenano::viewer {
 
@@ -20,7 +25,7 @@ void NoteBox::keep_what_is_early() {
   auto& letters = ImGui::GetIO().InputQueueCharacters;
   if (waits_) {
     if (!focus_) early_.insert(early_.end(), letters.begin(), letters.end());
-    entered_ |= !focus_ && ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter), false);
+    entered_ |= !focus_ && key_pressed(GLFW_KEY_ENTER);
     letters.resize(0);
     return;
   }
@@ -51,7 +56,7 @@ std::optional<view_model::Note> NoteBox::draw(const Gui& gui) {
   const auto mods = io.KeyMods;
   if (!io.InputQueueCharacters.empty()) {
     io.KeyCtrl = false;
-    io.KeyMods &= ~ImGuiKeyModFlags_Ctrl;
+    io.KeyMods &= ~kCtrlModifier;
   }
   const bool done = ImGui::InputTextWithHint("##note", "what you saw", note_.text.data(), note_.text.size(),
                                              ImGuiInputTextFlags_EnterReturnsTrue) ||

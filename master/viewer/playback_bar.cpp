@@ -8,6 +8,8 @@
 #include <array>
 #include <cmath>
 
+#include "telenano/master/viewer/keys.h"
+
 namespace telenano::viewer {
 namespace {
 
@@ -29,15 +31,14 @@ double other_speed(double speed, int way) {
 
 void playback_keys(view_model::Playback& playback) {
   const ImGuiIO& io = ImGui::GetIO();
-  const auto pressed = [](int key, bool again) { return ImGui::IsKeyPressed(key, again); };
-  if (pressed(GLFW_KEY_SPACE, false)) playback.play(!playback.playing());
+  if (key_pressed(GLFW_KEY_SPACE)) playback.play(!playback.playing());
   const double step_s = io.KeyShift ? kSmallStepS : kStepS;
-  if (pressed(GLFW_KEY_RIGHT, true)) playback.seek(playback.time_s() + step_s);
-  if (pressed(GLFW_KEY_LEFT, true)) playback.seek(playback.time_s() - step_s);
-  if (pressed(GLFW_KEY_PAGE_DOWN, false)) playback.seek_mark(1);
-  if (pressed(GLFW_KEY_PAGE_UP, false)) playback.seek_mark(-1);
-  if (pressed(GLFW_KEY_UP, false)) playback.set_speed(other_speed(playback.speed(), 1));
-  if (pressed(GLFW_KEY_DOWN, false)) playback.set_speed(other_speed(playback.speed(), -1));
+  if (key_pressed(GLFW_KEY_RIGHT, true)) playback.seek(playback.time_s() + step_s);
+  if (key_pressed(GLFW_KEY_LEFT, true)) playback.seek(playback.time_s() - step_s);
+  if (key_pressed(GLFW_KEY_PAGE_DOWN)) playback.seek_mark(1);
+  if (key_pressed(GLFW_KEY_PAGE_UP)) playback.seek_mark(-1);
+  if (key_pressed(GLFW_KEY_UP)) playback.set_speed(other_speed(playback.speed(), 1));
+  if (key_pressed(GLFW_KEY_DOWN)) playback.set_speed(other_speed(playback.speed(), -1));
 }
 
 void draw_playback(const Gui& gui, view_model::Playback& playback) {

@@ -1,5 +1,7 @@
 #include "telenano/master/viewer/start_screen.h"
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
 #include <backends/imgui_impl_opengl3.h>
 #include <imgui_stdlib.h>
 
@@ -7,6 +9,7 @@
 #include <array>
 
 #include "telenano/master/viewer/gl.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/layout.h"
 
 namespace telenano::viewer {
@@ -254,7 +257,7 @@ StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_mod
   // Enter begins whatever has the focus, but for a field that is written in, which asks the server.
   const bool enter = !ImGui::GetIO().WantTextInput &&
                      !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&
-                     ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter), false);
+                     key_pressed(GLFW_KEY_ENTER);
   if ((pressed || enter) && field.empty()) wish = Wish::kStart;
   ImGui::PopStyleColor(3);
   ImGui::PopFont();

@@ -21,8 +21,8 @@ constexpr std::size_t kTitled = 60;  // characters of the server in the title
 bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const StartHooks& hooks) {
   GlfwWindow window(true);
   StartScreen screen(window.scale());
-  KeyTaps taps(window.get());
   const GlfwInput input(window.get());
+  KeyTaps taps(window.get());
   while (window.poll() && !hooks.stop_wanted()) {
     const auto began = std::chrono::steady_clock::now();
     hooks.each(choice);
@@ -30,9 +30,8 @@ bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const 
     int height_px = 0;
     if (window.size_px(width_px, height_px)) {
       input.begin_frame();
-      taps.press();
+      taps.show();
       const StartScreen::Wish wish = screen.draw(width_px, height_px, facts, choice);
-      taps.release();
       switch (wish) {
         case StartScreen::Wish::kNone:
           break;

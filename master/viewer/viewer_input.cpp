@@ -12,6 +12,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/view_model/status_text.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/overlay.h"
 #include "telenano/master/viewer/playback_bar.h"
 
@@ -30,36 +31,36 @@ constexpr double kZoomPerNotch = 1.15;
 
 void Viewer::handle_keys(double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
-  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
   // Stop and the way out always work, whatever has the keyboard.
-  if (pressed(GLFW_KEY_ESCAPE)) {
+  if (key_pressed(GLFW_KEY_ESCAPE)) {
     panel_.stop();
     note_box_.close();
   }
-  if (pressed(GLFW_KEY_Q) && io.KeyCtrl) leaves_ = quit_ = true;
+  if (key_pressed(GLFW_KEY_Q) && io.KeyCtrl) leaves_ = quit_ = true;
   if (!waiting_.empty()) {
-    quit_ |= pressed(GLFW_KEY_ESCAPE);
+    quit_ |= key_pressed(GLFW_KEY_ESCAPE);
     handle_text_keys(time_s);
     return;
   }
   if (io.WantTextInput || note_box_.is_open()) return;
-  if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
+  if (key_pressed(GLFW_KEY_P) || key_pressed(GLFW_KEY_F12)) panel_.want_picture();
   // By the letter: where it lies is the keyboard's affair.
   const auto& letters = io.InputQueueCharacters;
-  if (pressed(GLFW_KEY_F1) || std::find(letters.begin(), letters.end(), ImWchar{'?'}) != letters.end())
+  if (key_pressed(GLFW_KEY_F1) || std::find(letters.begin(), letters.end(), ImWchar{'?'}) != letters.end())
     help_ = !help_;
-  if (pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
-  if (pressed(GLFW_KEY_D)) data_wanted_ = true;
-  if (pressed(GLFW_KEY_S)) {
+  if (key_pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
+  if (key_pressed(GLFW_KEY_D)) data_wanted_ = true;
+  if (key_pressed(GLFW_KEY_S)) {
     surface_wanted_ = ground_.is_scan();
     if (!surface_wanted_) say("No surface to save: the sample is a plane, and has no marks", time_s);
   }
-  if (pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
-  if (!ending_.lines.empty() && (pressed(GLFW_KEY_ENTER) || pressed(GLFW_KEY_KP_ENTER))) again_ = true;
+  if (key_pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
+  if (!ending_.lines.empty() && (key_pressed(GLFW_KEY_ENTER) || key_pressed(GLFW_KEY_KP_ENTER)))
+    again_ = true;
   handle_text_keys(time_s);
-  if (pressed(GLFW_KEY_HOME)) reset_cameras();
-  if (pressed(GLFW_KEY_Z) && live_.any()) narrow_region(time_s);
-  if (pressed(GLFW_KEY_V))
+  if (key_pressed(GLFW_KEY_HOME)) reset_cameras();
+  if (key_pressed(GLFW_KEY_Z) && live_.any()) narrow_region(time_s);
+  if (key_pressed(GLFW_KEY_V))
     views_ = views_ == Views::kBoth       ? Views::kOverview
              : views_ == Views::kOverview ? Views::kCloseUp
                                           : Views::kBoth;
@@ -73,7 +74,7 @@ void Viewer::handle_keys(double time_s) {
 void Viewer::handle_text_keys(double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   if (!io.KeyCtrl) return;
-  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false) ? 1 : 0; };
+  const auto pressed = [](int key) { return key_pressed(key) ? 1 : 0; };
   const int more = pressed(GLFW_KEY_EQUAL) + pressed(GLFW_KEY_KP_ADD) - pressed(GLFW_KEY_MINUS) -
                    pressed(GLFW_KEY_KP_SUBTRACT);
   const bool first = pressed(GLFW_KEY_0) + pressed(GLFW_KEY_KP_0) > 0;
@@ -83,8 +84,7 @@ void Viewer::handle_text_keys(double time_s) {
 }
 
 void Viewer::handle_session_keys(double time_s) {
-  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
-  if (pressed(GLFW_KEY_R)) {
+  if (key_pressed(GLFW_KEY_R)) {
     if (ImGui::GetIO().KeyCtrl) {
       panel_.want_recording();
     } else {
@@ -92,7 +92,7 @@ void Viewer::handle_session_keys(double time_s) {
     }
   }
   const bool ended = !ending_.lines.empty();
-  if (pressed(GLFW_KEY_N)) {
+  if (key_pressed(GLFW_KEY_N)) {
     if (facts_.recording.empty()) {
       say("No recording: begin one to put a note into it", time_s);
     } else if (ended) {
@@ -103,13 +103,13 @@ void Viewer::handle_session_keys(double time_s) {
       note_box_.open(live_.now());
     }
   }
-  if (pressed(GLFW_KEY_G)) {
+  if (key_pressed(GLFW_KEY_G)) {
     guide_ = !guide_;
     first_touch_ = {};
   }
-  if (pressed(GLFW_KEY_U)) undo_marks(time_s);
+  if (key_pressed(GLFW_KEY_U)) undo_marks(time_s);
   handle_scaling_keys();
-  if (pressed(GLFW_KEY_M)) {
+  if (key_pressed(GLFW_KEY_M)) {
     panel_.ask(ViewRequest::Kind::kMarker);
     say(facts_.recording.empty() ? "No recording: begin one to put a mark into it"
         : ended                  ? "The session has ended: its recording is closed"
@@ -117,7 +117,7 @@ void Viewer::handle_session_keys(double time_s) {
                                  : "Mark put into the recording",
         time_s);
   }
-  if (pressed(GLFW_KEY_T) && !facts_.tasks.empty()) {
+  if (key_pressed(GLFW_KEY_T) && !facts_.tasks.empty()) {
     // The next one that fits, round and round.
     const int count = static_cast<int>(facts_.tasks.size());
     int task = (port_.task.load().task + 1) % count;
@@ -125,10 +125,10 @@ void Viewer::handle_session_keys(double time_s) {
     panel_.ask_task(task, live_.now());
   }
   for (int i = 0; i < static_cast<int>(control::kAllMethods.size()); ++i) {
-    if (pressed(GLFW_KEY_1 + i) && !ImGui::GetIO().KeyCtrl)
+    if (key_pressed(GLFW_KEY_1 + i) && !ImGui::GetIO().KeyCtrl)
       panel_.ask_method(control::kAllMethods[static_cast<std::size_t>(i)], live_.now());
   }
-  const bool clutch = panel_.clutch_on_screen() || ImGui::IsKeyDown(GLFW_KEY_C);
+  const bool clutch = panel_.clutch_on_screen() || key_down(GLFW_KEY_C);
   hand_.clutch(clutch);
   port_.buttons.store(clutch ? static_cast<std::uint32_t>(device::kButtonClutch) : 0u);
 }
@@ -155,7 +155,7 @@ void Viewer::tell_scene(double time_s) {
 // A tenth of a tenfold at a time; what is not safe is not asked for.
 void Viewer::handle_scaling_keys() {
   if (!ImGui::GetIO().KeyShift || !live_.any()) return;
-  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false) ? 1 : 0; };
+  const auto pressed = [](int key) { return key_pressed(key) ? 1 : 0; };
   const int velocity = pressed(GLFW_KEY_RIGHT) - pressed(GLFW_KEY_LEFT);
   const int force = pressed(GLFW_KEY_UP) - pressed(GLFW_KEY_DOWN);
   if (velocity != 0 || force != 0)
@@ -166,8 +166,8 @@ void Viewer::handle_scaling_keys() {
 void Viewer::move_hand_by_keys(double nm_per_pixel) {
   constexpr double kPixelsPerS = 90;
   const ImGuiIO& io = ImGui::GetIO();
-  if (io.KeyShift || io.WantTextInput || !ImGui::IsKeyDown(GLFW_KEY_SPACE)) return;
-  const auto down = [](int key) { return ImGui::IsKeyDown(key) ? 1 : 0; };
+  if (io.KeyShift || io.WantTextInput || !key_down(GLFW_KEY_SPACE)) return;
+  const auto down = [](int key) { return key_down(key) ? 1 : 0; };
   const double px = kPixelsPerS * std::min(static_cast<double>(io.DeltaTime), 0.1);
   const double right = px * (down(GLFW_KEY_RIGHT) - down(GLFW_KEY_LEFT));
   const double away = px * (down(GLFW_KEY_PAGE_UP) - down(GLFW_KEY_PAGE_DOWN));
@@ -225,8 +225,8 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   hand_.resist(resists ? Vec3(now.force_w_nn[0], now.force_w_nn[1], now.force_w_nn[2]) : Vec3(Vec3::Zero()),
                kHalfOfForce * facts_.hand_force_limit_n * kNanonewtonPerNewton / now.force_scale);
   const bool dragging_hand = drag_ == Drag::kHandInOverview || drag_ == Drag::kHandInCloseUp;
-  hand_.hold(panel_.mouse_leads() && (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) &&
-                                                        !io.WantTextInput && !note_box_.is_open())));
+  hand_.hold(panel_.mouse_leads() &&
+             (dragging_hand || (key_down(GLFW_KEY_SPACE) && !io.WantTextInput && !note_box_.is_open())));
   hand_.update(time_s);
 
   const view_model::Camera camera = fitted_overview(l.overview);

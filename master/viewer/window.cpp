@@ -137,8 +137,8 @@ void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Groun
   }
   Viewer& viewer = *in.viewer;
   viewer.wait(words, tip_w_nm);
-  KeyTaps taps(window.get());
   const GlfwInput input(window.get());
+  KeyTaps taps(window.get());
   if (first && hooks.changed_ground && !viewer.ground().is_scan()) prepare_for_scan(window, input, viewer);
   const Clock::time_point start = Clock::now();
   Clock::time_point next = start;
@@ -163,9 +163,8 @@ void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Groun
       int height_px = 0;
       if (window.size_px(width_px, height_px)) {
         input.begin_frame();
-        taps.press();
+        taps.show();
         viewer.draw(width_px, height_px, std::chrono::duration<double>(Clock::now() - start).count(), {});
-        taps.release();
       }
       window.show_frame();
       if (hooks.sample_drawn && viewer.ground().is_scan()) hooks.sample_drawn();
@@ -187,9 +186,9 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
   }
   Viewer& viewer = *in.viewer;
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
-  KeyTaps taps(window.get());
   PressWatch presses(window.get());
   const GlfwInput input(window.get());
+  KeyTaps taps(window.get());
   rt::LogHistogram frames;
   const Clock::time_point start = Clock::now();
   double reload_s = 0;
@@ -227,10 +226,9 @@ WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Grou
     viewer.take_samples();
     if (width_px > 0 && height_px > 0) {
       input.begin_frame();
-      taps.press();
+      taps.show();
       if (const auto place = presses.take()) viewer.note_press(*place);
       viewer.draw(width_px, height_px, time_s, hooks.recording());
-      taps.release();
       if (viewer.take_picture_wanted()) {
         const std::string name = free_name(hooks.picture_prefix, "png");
         try {

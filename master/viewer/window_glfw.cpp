@@ -5,12 +5,15 @@
 #include <backends/imgui_impl_glfw.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <iterator>
 #include <string>
+#include <utility>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/rt/background.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/layout.h"
 
 namespace telenano::viewer {
@@ -22,6 +25,12 @@ constexpr int kHeight_px = 800;
 std::string& last_error() {
   static std::string text;
   return text;
+}
+
+// The window's one user pointer is taken, and there is one window.
+std::array<bool, ImGuiMouseButton_COUNT>& pressed_buttons() {
+  static std::array<bool, ImGuiMouseButton_COUNT> value{};
+  return value;
 }
 
 [[noreturn]] void refuse() {
@@ -126,14 +135,24 @@ void GlfwWindow::tell(const std::string& about) {
   glfwSetWindowTitle(window_, ("Telenano: " + about).c_str());
 }
 
-GlfwInput::GlfwInput(GLFWwindow* window) {
+GlfwInput::GlfwInput(GLFWwindow* window) : window_(window) {
+  pressed_buttons() = {};
   ImGui_ImplGlfw_InitForOpenGL(window, true);
+  glfwSetMouseButtonCallback(window, [](GLFWwindow* from, int button, int action, int mods) {
+    if (action == GLFW_PRESS && button < ImGuiMouseButton_COUNT)
+      pressed_buttons()[static_cast<std::size_t>(button)] = true;
+    ImGui_ImplGlfw_MouseButtonCallback(from, button, action, mods);
+  });
 }
 GlfwInput::~GlfwInput() {
   ImGui_ImplGlfw_Shutdown();
 }
 void GlfwInput::begin_frame() const {
   ImGui_ImplGlfw_NewFrame();
+  const auto pressed = std::exchange(pressed_buttons(), {});
+  for (int button = 0; button < ImGuiMouseButton_COUNT; ++button)
+    set_mouse_button(button, pressed[static_cast<std::size_t>(button)] ||
+                                 glfwGetMouseButton(window_, button) == GLFW_PRESS);
 }
 
 }  // namespace telenano::viewer

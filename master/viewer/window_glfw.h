@@ -51,8 +51,11 @@ class GlfwInput {
   ~GlfwInput();
   GlfwInput(const GlfwInput&) = delete;
   GlfwInput& operator=(const GlfwInput&) = delete;
-  /// Before each frame.
+  /// Before each frame. A button that was pressed since the last one counts as held in it.
   void begin_frame() const;
+
+ private:
+  GLFWwindow* window_;
 };
 
 }  // namespace telenano::viewer

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <bitset>
 #include <cstddef>
 #include <vector>
 
@@ -16,17 +16,15 @@ class KeyTaps {
  public:
   /// Told by note() alone.
   KeyTaps() = default;
-  /// Before ImGui's own callback, which calls this one.
+  /// After GlfwInput: keys come here, and ImGui hears of them from here alone.
   explicit KeyTaps(GLFWwindow* window);
   KeyTaps(const KeyTaps&) = delete;
   KeyTaps& operator=(const KeyTaps&) = delete;
 
-  /// A press of a key (GLFW's number), with the modifiers held then.
-  void note(int key, int mods);
+  /// A key (GLFW's number) goes down or up, with the modifiers held then.
+  void note(int key, bool down, int mods);
   /// Between polling and drawing.
-  void press();
-  /// After drawing.
-  void release();
+  void show();
 
  private:
   static constexpr std::size_t kKeys = 349;    ///< as many as GLFW knows
@@ -36,13 +34,10 @@ class KeyTaps {
     int key = 0;
     int mods = 0;
   };
-  void show(const Tap& tap);
 
-  std::vector<Tap> taps_;            // not yet shown, in their order
-  std::array<bool, kKeys> down_{};   // as ImGui's backend has them
-  std::array<bool, kKeys> shown_{};  // as shown in the newest frame
-  bool ctrl_ = false;
-  bool shift_ = false;
+  std::vector<Tap> taps_;     // not yet shown, in their order
+  std::bitset<kKeys> held_;   // as the keyboard has them
+  std::bitset<kKeys> shown_;  // as shown in the newest frame
 };
 
 }  // namespace telenano::viewer

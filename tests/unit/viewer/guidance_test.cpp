@@ -10,6 +10,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/master/station/station.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/offscreen.h"
 #include "telenano/master/viewer/photographer.h"
 #include "telenano/master/viewer/start_screen.h"
@@ -55,9 +56,9 @@ class Guidance : public ::testing::Test {
   }
   void frame() { frames(1280, 800, 1); }
   void press(int key) {
-    ImGui::GetIO().KeysDown[key] = true;
+    set_key(key, true);
     frame();
-    ImGui::GetIO().KeysDown[key] = false;
+    set_key(key, false);
     frame();
   }
   static std::vector<Glyph> glyphs() { return drawn_glyphs(ink(palette::kBackground, 0.75f)); }
@@ -168,9 +169,9 @@ TEST_F(Guidance, ScalesChangeByKeyAsFarAsIsSafe) {
   const double force = support::view_sample(99).force_scale;
   const double velocity = support::view_sample(99).velocity_scale;
   const auto asked = [&](int key) {
-    ImGui::GetIO().KeyShift = true;
+    set_modifiers(GLFW_MOD_SHIFT);
     press(key);
-    ImGui::GetIO().KeyShift = false;
+    set_modifiers(0);
     ViewRequest request;
     return port_.requests.pop(request) ? std::optional(request) : std::nullopt;
   };
@@ -199,16 +200,15 @@ TEST_F(Guidance, TheMousesHandIsLedByKeysToo) {
   make(1);
   play(0, 100);
   frame();
-  ImGuiIO& io = ImGui::GetIO();
   const auto hold = [&](int key, int count) {
-    io.KeysDown[key] = true;
+    set_key(key, true);
     for (int i = 0; i < count; ++i) frame();
-    io.KeysDown[key] = false;
+    set_key(key, false);
     frame();
   };
   hold(GLFW_KEY_DOWN, 10);
   EXPECT_DOUBLE_EQ(viewer_->hand().hand_pos_h_m().z(), 0) << "without the deadman";
-  io.KeysDown[GLFW_KEY_SPACE] = true;
+  set_key(GLFW_KEY_SPACE, true);
   frame();
   hold(GLFW_KEY_DOWN, 10);
   const Vec3 down = viewer_->hand().hand_pos_h_m();
@@ -218,7 +218,7 @@ TEST_F(Guidance, TheMousesHandIsLedByKeysToo) {
   EXPECT_GT(viewer_->hand().hand_pos_h_m().x(), 0);
   hold(GLFW_KEY_PAGE_UP, 10);
   EXPECT_GT(viewer_->hand().hand_pos_h_m().y(), 0);
-  io.KeysDown[GLFW_KEY_SPACE] = false;
+  set_key(GLFW_KEY_SPACE, false);
 }
 
 // At the tip by key; the numbers are the formula's, which the scan holds but for its pixels.
@@ -263,7 +263,7 @@ TEST_F(Guidance, CtrlAndAClickMeasuresWhereOnePointsAndDragsNothing) {
   const auto click = [&](float x, float y) {
     ImGuiIO& io = ImGui::GetIO();
     io.MousePos = {x, y};
-    io.KeyCtrl = true;
+    set_modifiers(GLFW_MOD_CONTROL);
     frame();
     io.MouseDown[0] = true;
     frame();
@@ -271,7 +271,7 @@ TEST_F(Guidance, CtrlAndAClickMeasuresWhereOnePointsAndDragsNothing) {
     frame();
     io.MouseDown[0] = false;
     frame();
-    io.KeyCtrl = false;
+    set_modifiers(0);
   };
   click(200, 330);
   click(330, 380);
@@ -287,7 +287,6 @@ TEST_F(Guidance, ANoteBelongsToTheMomentAtWhichItWasBegun) {
   play(0, 100);
   frame();
   ImGuiIO& io = ImGui::GetIO();
-  io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
   const auto write = [&](const std::string& text) {
     press(GLFW_KEY_N);
     frame();
@@ -376,10 +375,6 @@ class StartScreenTest : public Guidance {
     canvas.bind();
     ImGuiIO& io = ImGui::GetIO();
     io.DeltaTime = 1.0f / 30;
-    // As a window does it.
-    io.KeyMap[ImGuiKey_Space] = GLFW_KEY_SPACE;
-    io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
-    io.KeyMap[ImGuiKey_Tab] = GLFW_KEY_TAB;
     return screen.draw(wide, high, facts_, choice_);
   }
   StartFacts facts_;
@@ -476,9 +471,9 @@ TEST_F(StartScreenTest, EnterBeginsOnlyWhatCanBegin) {
   StartScreen screen(1);
   const auto enter = [&] {
     draw(screen, 1280, 800);
-    ImGui::GetIO().KeysDown[GLFW_KEY_ENTER] = true;
+    set_key(GLFW_KEY_ENTER, true);
     const StartScreen::Wish wish = draw(screen, 1280, 800);
-    ImGui::GetIO().KeysDown[GLFW_KEY_ENTER] = false;
+    set_key(GLFW_KEY_ENTER, false);
     draw(screen, 1280, 800);
     return wish;
   };

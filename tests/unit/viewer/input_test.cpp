@@ -45,10 +45,10 @@ TEST_F(Render, KeysAskForWhatTheHelpSays) {
   press(GLFW_KEY_P);
   EXPECT_TRUE(viewer_->take_picture_wanted());
   EXPECT_FALSE(viewer_->take_picture_wanted());
-  ImGui::GetIO().KeysDown[GLFW_KEY_C] = true;
+  set_key(GLFW_KEY_C, true);
   frame();
   EXPECT_EQ(port_.buttons.load(), static_cast<std::uint32_t>(device::kButtonClutch));
-  ImGui::GetIO().KeysDown[GLFW_KEY_C] = false;
+  set_key(GLFW_KEY_C, false);
   frame();
   EXPECT_EQ(port_.buttons.load(), 0u);
 }
@@ -92,10 +92,10 @@ TEST_F(Render, TasksGoRoundAndThoseThatDoNotFitAreLeftOut) {
   press(GLFW_KEY_T);
   EXPECT_EQ(asked().value().task, 3);
   const auto grip = [&] {
-    ImGui::GetIO().KeysDown[GLFW_KEY_SPACE] = true;
+    set_key(GLFW_KEY_SPACE, true);
     frame();
     const std::uint32_t buttons = viewer_->hand().buttons(time_s_);
-    ImGui::GetIO().KeysDown[GLFW_KEY_SPACE] = false;
+    set_key(GLFW_KEY_SPACE, false);
     frame();
     return buttons & device::kButtonDeadman;
   };
@@ -291,27 +291,26 @@ TEST_F(Render, ANoteAndTheWayOutInOneFrameAreBothHeard) {
   make();
   play(0, 1);
   ImGuiIO& io = ImGui::GetIO();
-  io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
   press(GLFW_KEY_N);
   frame();
   io.AddInputCharactersUTF8("it held on");
   frame();
   view_model::Note note;
   ASSERT_FALSE(port_.notes.pop(note));
-  io.KeysDown[GLFW_KEY_ENTER] = true;
-  io.KeyCtrl = true;
+  set_key(GLFW_KEY_ENTER, true);
+  set_modifiers(GLFW_MOD_CONTROL);
   press(GLFW_KEY_Q);
-  io.KeyCtrl = false;
-  io.KeysDown[GLFW_KEY_ENTER] = false;
+  set_modifiers(0);
+  set_key(GLFW_KEY_ENTER, false);
   frame();
   ASSERT_TRUE(port_.notes.pop(note));
   EXPECT_STREQ(note.text.data(), "it held on");
   EXPECT_TRUE(quit_asked());
   // And while one is written.
   press(GLFW_KEY_N);
-  io.KeyCtrl = true;
+  set_modifiers(GLFW_MOD_CONTROL);
   press(GLFW_KEY_Q);
-  io.KeyCtrl = false;
+  set_modifiers(0);
   EXPECT_TRUE(quit_asked());
 }
 
@@ -324,20 +323,19 @@ TEST_F(Render, WhatIsTypedBeforeTheNoteIsDrawnIsInIt) {
     make();
     play(0, 1);
     io = &ImGui::GetIO();
-    io->KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
     frame();
-    io->KeysDown[GLFW_KEY_N] = true;
+    set_key(GLFW_KEY_N, true);
     io->AddInputCharacter('n');
     frame();
-    io->KeysDown[GLFW_KEY_N] = false;
+    set_key(GLFW_KEY_N, false);
   };
   open();
   io->AddInputCharactersUTF8("it held");
-  io->KeysDown[GLFW_KEY_SPACE] = true;
+  set_key(GLFW_KEY_SPACE, true);
   frame();
   EXPECT_EQ(viewer_->hand().buttons(time_s_) & static_cast<std::uint32_t>(device::kButtonDeadman), 0u)
       << "a space of the note is no hand";
-  io->KeysDown[GLFW_KEY_SPACE] = false;
+  set_key(GLFW_KEY_SPACE, false);
   io->AddInputCharactersUTF8(" on");
   frame();
   io->AddInputCharactersUTF8("; lets go");
@@ -360,11 +358,11 @@ TEST_F(Render, WhatIsTypedBeforeTheNoteIsDrawnIsInIt) {
   frame();
   frame();
   io->AddInputCharactersUTF8("; lets go");
-  io->KeysDown[GLFW_KEY_ENTER] = true;
-  io->KeyCtrl = true;
+  set_key(GLFW_KEY_ENTER, true);
+  set_modifiers(GLFW_MOD_CONTROL);
   frame();
-  io->KeysDown[GLFW_KEY_ENTER] = false;
-  io->KeyCtrl = false;
+  set_key(GLFW_KEY_ENTER, false);
+  set_modifiers(0);
   ASSERT_TRUE(port_.notes.pop(note));
   EXPECT_STREQ(note.text.data(), "it held on; lets go");
 }

@@ -54,9 +54,9 @@ TEST_F(RenderRecording, PlaysHaltsAndMovesAboutByKey) {
   EXPECT_EQ(viewer_->live().now().time_s, halted_s);
   press(GLFW_KEY_RIGHT);
   EXPECT_NEAR(viewer_->live().now().time_s, halted_s + 1, 0.002);
-  ImGui::GetIO().KeyShift = true;
+  set_modifiers(GLFW_MOD_SHIFT);
   press(GLFW_KEY_LEFT);
-  ImGui::GetIO().KeyShift = false;
+  set_modifiers(0);
   EXPECT_NEAR(viewer_->live().now().time_s, halted_s + 0.99, 0.002);
   press(GLFW_KEY_PAGE_DOWN);
   EXPECT_NEAR(viewer_->live().now().time_s, 2.5, 0.002);
@@ -72,9 +72,9 @@ TEST_F(RenderRecording, PlaysHaltsAndMovesAboutByKey) {
     press(key);
   EXPECT_FALSE(asked());
   EXPECT_FALSE(viewer_->quit_wanted());
-  ImGui::GetIO().KeyCtrl = true;
+  set_modifiers(GLFW_MOD_CONTROL);
   press(GLFW_KEY_Q);
-  ImGui::GetIO().KeyCtrl = false;
+  set_modifiers(0);
   EXPECT_TRUE(viewer_->quit_wanted());
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "telenano/common/base/error.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/offscreen.h"
 #include "telenano/master/viewer/photographer.h"
 #include "telenano/master/viewer/viewer.h"
@@ -42,9 +43,9 @@ class RegionView : public ::testing::Test {
     viewer_->draw(kWidth, kHeight, time_s_ += 1.0 / 60, {});
   }
   void press(int key) {
-    ImGui::GetIO().KeysDown[key] = true;
+    set_key(key, true);
     frame();
-    ImGui::GetIO().KeysDown[key] = false;
+    set_key(key, false);
     frame();
   }
   void click(ImVec2 at) {

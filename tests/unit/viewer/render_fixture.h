@@ -16,6 +16,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/station/station.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/offscreen.h"
 #include "telenano/master/viewer/photographer.h"
 #include "telenano/master/viewer/viewer.h"
@@ -116,9 +117,9 @@ class Render : public ::testing::Test {
   bool stop_asked() { return std::exchange(stops_, port_.stops.load()) != port_.stops.load(); }
   bool quit_asked() { return port_.quit.exchange(false); }
   void press(int key) {
-    ImGui::GetIO().KeysDown[key] = true;
+    set_key(key, true);
     frame();
-    ImGui::GetIO().KeysDown[key] = false;
+    set_key(key, false);
     frame();
   }
 

@@ -12,6 +12,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/master/viewer/gl.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/offscreen.h"
 #include "telenano/master/viewer/png.h"
 #include "telenano/master/viewer/start_screen.h"
@@ -38,9 +39,6 @@ class StartFields : public ::testing::Test {
     canvas_->bind();
     ImGuiIO& io = ImGui::GetIO();
     io.DeltaTime = 1.0f / 30;
-    for (const auto& [key, code] :
-         {std::pair{ImGuiKey_Space, GLFW_KEY_SPACE}, {ImGuiKey_Enter, GLFW_KEY_ENTER}})
-      io.KeyMap[key] = code;
     const StartScreen::Wish wish = screen.draw(wide, high, facts_, choice_);
     glyphs_ = drawn_glyphs(ink(palette::kBackground, 0.75f));
     text_ = drawn_text(glyphs_);
@@ -124,9 +122,9 @@ TEST_F(StartFields, HoweverLongTheTextsAreTheSessionsButtonsStayInSight) {
     EXPECT_TRUE(says("Start(Enter)") && says("Copythecommand") && says("Close")) << wide;
     EXPECT_TRUE(says("Server")) << "the fields have a place too";
     for (const Glyph& g : glyphs_) EXPECT_LE(g.y1, static_cast<float>(high));
-    ImGui::GetIO().KeysDown[GLFW_KEY_ENTER] = true;
+    set_key(GLFW_KEY_ENTER, true);
     EXPECT_EQ(draw(screen, wide, high), StartScreen::Wish::kNone) << "and Enter begins nothing";
-    ImGui::GetIO().KeysDown[GLFW_KEY_ENTER] = false;
+    set_key(GLFW_KEY_ENTER, false);
   }
 }
 

@@ -13,6 +13,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/station/station.h"
+#include "telenano/master/viewer/keys.h"
 #include "telenano/master/viewer/offscreen.h"
 #include "telenano/master/viewer/photographer.h"
 #include "telenano/master/viewer/start_screen.h"
@@ -169,7 +170,7 @@ class States : public ::testing::Test {
     canvas.bind();
     ImGui::GetIO().DeltaTime = 1.0f / 60;
     for (const bool down : {false, true, false}) {
-      ImGui::GetIO().KeysDown[key] = down;
+      set_key(key, down);
       viewer.draw(kWide, kHigh, 0, {12345, false});
     }
   }

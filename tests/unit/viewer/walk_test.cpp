@@ -158,12 +158,11 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
       for (int key = GLFW_KEY_SPACE; key <= GLFW_KEY_LAST; ++key) {
         if (key > GLFW_KEY_GRAVE_ACCENT && key < GLFW_KEY_ESCAPE) continue;
         if (key >= GLFW_KEY_LEFT_SHIFT) break;
-        io.KeysDown[key] = true;
-        io.KeyCtrl = mods == 1;
-        io.KeyShift = mods == 2;
+        set_key(key, true);
+        set_modifiers(mods == 1 ? GLFW_MOD_CONTROL : mods == 2 ? GLFW_MOD_SHIFT : 0);
         if (mods != 1 && key < 127) io.AddInputCharacter(static_cast<unsigned>(key));
         draw_at(160, 120);
-        io.KeysDown[key] = false;
+        set_key(key, false);
         const std::string now = requests();
         seen += now;
         for (const char one : now)
@@ -187,7 +186,7 @@ TEST_F(Walk, EveryKeyInEveryStateAsksOnlyWhatThatStateAllows) {
         viewer_->take_picture_wanted();
       }
     }
-    io.KeyCtrl = io.KeyShift = false;
+    set_modifiers(0);
     draw_at(160, 120);
     EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
     if (state.never.empty()) {
@@ -288,10 +287,10 @@ TEST_F(Walk, AMonkeyAtTheWindowDoesNoHarm) {
       for (int k = 0; k < 3; ++k) {
         const int key = GLFW_KEY_SPACE + static_cast<int>(random.below(GLFW_KEY_LEFT_SHIFT - GLFW_KEY_SPACE));
         if (key > GLFW_KEY_GRAVE_ACCENT && key < GLFW_KEY_ESCAPE) continue;
-        io.KeysDown[key] = random.chance(0.5);
+        set_key(key, random.chance(0.5));
       }
-      io.KeyCtrl = random.chance(0.2);
-      io.KeyShift = random.chance(0.2);
+      const int ctrl = random.chance(0.2) ? GLFW_MOD_CONTROL : 0;
+      set_modifiers(ctrl | (random.chance(0.2) ? GLFW_MOD_SHIFT : 0));
       if (random.chance(0.3))
         io.AddInputCharacter(
             static_cast<unsigned>(random.chance(0.9) ? 32 + random.below(95) : random.below(0x11000)));
@@ -353,9 +352,9 @@ TEST_F(Walk, AMonkeyAtTheWindowDoesNoHarm) {
       ASSERT_TRUE(viewer_->hand().hand_pos_h_m().allFinite()) << i;
     }
     // A scan, a sample, and all is in sight again.
-    for (bool& down : io.KeysDown) down = false;
+    for (int key = 0; key <= GLFW_KEY_LAST; ++key) set_key(key, false);
     for (bool& down : io.MouseDown) down = false;
-    io.KeyCtrl = io.KeyShift = false;
+    set_modifiers(0);
     draw_at(640, 480);
     EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
   }

@@ -486,9 +486,9 @@ TEST_F(Render, ARecordingThatHasFailedTakesNoMarksAndNoNotes) {
   EXPECT_TRUE(has(shown, "recordinghasfaileda.h5:cannotbewritten")) << shown;
   EXPECT_EQ(overlaps(drawn_glyphs(ink(palette::kBackground, 0.75f))), "");
   for (const int key : {GLFW_KEY_M, GLFW_KEY_N}) {
-    ImGui::GetIO().KeysDown[key] = true;
+    set_key(key, true);
     text();
-    ImGui::GetIO().KeysDown[key] = false;
+    set_key(key, false);
     shown = text();
     EXPECT_TRUE(has(shown, "canbeputintoit")) << shown;
     EXPECT_FALSE(has(shown, "putintotherecording")) << shown;
@@ -584,9 +584,9 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   }
   press(GLFW_KEY_ESCAPE);
   EXPECT_FALSE(asked() || stop_asked()) << "there is nobody to ask";
-  io.KeyCtrl = true;
+  set_modifiers(GLFW_MOD_CONTROL);
   press(GLFW_KEY_Q);
-  io.KeyCtrl = false;
+  set_modifiers(0);
   EXPECT_TRUE(viewer_->quit_wanted());
 }
 
