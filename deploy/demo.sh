@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Takes a fresh Debian 12 all the way to a recorded session: installs what is missing, configures, builds, then runs a
+# Takes a fresh Debian 12 or 13 all the way to a recorded session: installs what is missing, configures, builds, then runs a
 # server and a station as two processes over loopback UDP, with a simulated Omega and a simulated hand: the three tasks of
 # Kim & Sitti on a real AFM scan, then silicon oxide at a scaling that oscillates without control. Ends with a report.
 # With --view instead: the same scan in a window, and the mouse is the hand.

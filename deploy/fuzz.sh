@@ -35,12 +35,17 @@ while [ $# -gt 0 ]; do
 done
 [ ${#chosen[@]} -gt 0 ] || chosen=("${targets[@]}")
 
-[ "$install" = no ] || install_missing "${build_packages[@]}" clang-14 libclang-rt-14-dev
-command -v clang++-14 >/dev/null || die "clang++-14 is not installed; run without --no-install, or: apt-get install clang-14 libclang-rt-14-dev" 2
+if [ "$install" = yes ]; then
+  install_missing "${build_packages[@]}"
+  newest_clang clang++ >/dev/null || install_missing clang
+  version=$("$(newest_clang clang++)" -dumpversion)
+  install_missing "libclang-rt-${version%%.*}-dev"
+fi
+clang=$(newest_clang clang++) || die "there is no clang++ of version 14 or later; run without --no-install, or: apt-get install clang libclang-rt-dev" 2
 cd "$project"
 say 'Configuring (CMake preset fuzz)'
 mkdir -p build/fuzz
-cmake --preset fuzz >build/fuzz/configure.log 2>&1 || { tail -n 30 build/fuzz/configure.log >&2; die 'CMake failed'; }
+cmake --preset fuzz "-DCMAKE_C_COMPILER=${clang/clang++/clang}" "-DCMAKE_CXX_COMPILER=$clang" >build/fuzz/configure.log 2>&1 || { tail -n 30 build/fuzz/configure.log >&2; die 'CMake failed'; }
 say "Building with $jobs jobs"
 cmake --build --preset fuzz --parallel "$jobs" --target "${chosen[@]/#/fuzz_}" >&2
 

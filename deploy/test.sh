@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Takes a fresh Debian 12 all the way to a tested build: installs what is missing, configures, builds, runs the tests.
+# Takes a fresh Debian 12 or 13 all the way to a tested build: installs what is missing, configures, builds, runs the tests.
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 usage() {
   cat <<'H'
@@ -15,7 +15,7 @@ for word in "${words[@]}"; do
   if [ "$word" = --full ]; then rest=(-C full "${rest[@]}"); else rest+=("$word"); fi
 done
 if [ "$install" = yes ]; then
-  install_missing "${build_packages[@]}" "${test_packages[@]}"
+  install_missing "${build_packages[@]}" "${test_packages[@]}" "${layout_packages[@]}"
   say 'Preparing the virtual machine of the network tests'
   bash "$project/tests/system/vm.sh" --prepare || say 'There will be none: tests that need it are skipped'
 fi

@@ -59,6 +59,36 @@ TEST(FuzzScript, RefusesInOneLine) {
   expect_refused("deploy/fuzz.sh", {"--no-install", "--run", "1"}, "there is no option --run");
 }
 
+/// Which clang the scripts take, of those in a folder.
+class NewestClang : public ProgramsTest {
+ protected:
+  void install(const std::string& name, const std::string& version) const {
+    write(name, "#!/bin/bash\necho 'Debian clang version " + version + "'\n");
+    std::filesystem::permissions(path(name), std::filesystem::perms::owner_all);
+  }
+  std::string found() const {
+    return run_program(
+               {"/bin/bash", "-c",
+                ". " + kProject + "/deploy/lib.sh; PATH=" + path("") + "; newest_clang clang++ || echo none"},
+               {}, kLong)
+        .out;
+  }
+};
+
+TEST_F(NewestClang, IsOfAnyVersionFromFourteenOn) {
+  EXPECT_EQ(found(), "none\n");
+  install("clang++-9", "9.0.1");
+  install("clang++", "13.0.1");
+  EXPECT_EQ(found(), "none\n");
+  install("clang++-14", "14.0.6");
+  EXPECT_EQ(found(), "clang++-14\n");
+  install("clang++-19", "19.1.7 (3)");
+  install("clang++-wrapper-99", "99.0.0");
+  EXPECT_EQ(found(), "clang++-19\n");
+  install("clang++", "19.1.7 (3)");
+  EXPECT_EQ(found(), "clang++\n");
+}
+
 TEST(LintScript, RefusesInOneLine) {
   expect_refused("deploy/lint.sh", {"--no-install", "--formt"}, "there is no option --formt");
   expect_refused("deploy/lint.sh", {"--no-install", "nowhere.cpp"}, "there is no file nowhere.cpp");
