@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
@@ -30,17 +31,37 @@ constexpr std::array<Unit, 11> kUnits{{{"nm", 1, 'l'},
                                        {"v", 1, 'v'},
                                        {"volt", 1, 'v'}}};
 
-/// The last word of a column's name.
-const Unit* unit_in(const std::string& name) {
-  std::size_t end = name.size();
-  const auto letter = [](char c) { return c >= 'a' && c <= 'z'; };
-  while (end > 0 && !letter(name[end - 1])) --end;
-  std::size_t begin = end;
-  while (begin > 0 && letter(name[begin - 1])) --begin;
-  const std::string word = name.substr(begin, end - begin);
+const Unit* unit_named(std::string_view word) {
   for (const Unit& unit : kUnits)
     if (word == unit.name) return &unit;
   return nullptr;
+}
+
+bool is_letter(char c) {
+  return c >= 'a' && c <= 'z';
+}
+
+/// The whole of the last brackets of a column's name, or its last word, where that is a unit by itself: neither
+/// "nm/v" nor "1e-9 m".
+const Unit* unit_in(std::string_view name) {
+  if (name.empty()) return nullptr;
+  const std::size_t closes = std::string_view(")]}").find(name.back());
+  if (closes != std::string_view::npos) {
+    const std::size_t opens = name.rfind("([{"[closes]);
+    if (opens == std::string_view::npos) return nullptr;
+    return unit_named(trimmed(name.substr(opens + 1, name.size() - opens - 2)));
+  }
+  std::size_t begin = name.size();
+  while (begin > 0 && is_letter(name[begin - 1])) --begin;
+  std::size_t end = begin;
+  while (end > 0 && std::string_view("_ -./").find(name[end - 1]) != std::string_view::npos) --end;
+  std::size_t before = end;
+  while (before > 0 && is_letter(name[before - 1])) --before;
+  const std::string_view word = name.substr(before, end - before);
+  // What stands before it must be a name, not a power, a product or a quotient.
+  const bool of_name = begin == 0 || (begin > end && word != "per" && unit_named(word) == nullptr &&
+                                      (is_letter(name[end - 1]) || name[end - 1] == ')'));
+  return of_name ? unit_named(name.substr(begin)) : nullptr;
 }
 
 bool contains_any(const std::string& name, std::initializer_list<const char*> words) {
@@ -53,7 +74,7 @@ bool is_z(const std::string& name) {
          name.starts_with("z_") || name.starts_with("z ") || name.starts_with("z(") || name.starts_with("z[");
 }
 bool is_bend(const std::string& name) {
-  return contains_any(name, {"defl"});
+  return contains_any(name, {"defl"}) && !contains_any(name, {"lateral", "horizontal", "hdefl"});
 }
 bool is_force(const std::string& name) {
   return contains_any(name, {"force"});
@@ -70,10 +91,22 @@ struct Choice {
   int bend = -1;
 };
 
+/// A name without its way: the same for "Extend T-B(V)" and "Retract T-B(V)".
+std::string without_way(std::string name) {
+  for (const std::string_view word : {"extend", "approach", "retract"}) {
+    const std::size_t at = name.find(word);
+    if (at != std::string::npos) name.replace(at, word.size(), "\n");
+  }
+  return name;
+}
+
 /// `way`: 0 approach, 1 retract, -1 both in one column.
 Choice choose(const Table& table, const ColumnChoice& columns, int way) {
   Choice choice;
   bool by_force = false;
+  const auto is_asked = [&](const std::string& name, const std::string& asked) {
+    return without_way(name) == without_way(lower(asked));
+  };
   for (std::size_t i = 0; i < table.names.size(); ++i) {
     const std::string& name = table.names[i];
     const int at = static_cast<int>(i);
@@ -81,9 +114,10 @@ Choice choose(const Table& table, const ColumnChoice& columns, int way) {
     const bool fits = way < 0    ? !of_approach(name) && !of_retract(name)
                       : way == 0 ? of_approach(name)
                                  : of_retract(name);
-    if (!columns.z.empty() ? name == lower(columns.z) : fits && choice.z < 0 && is_z(name)) choice.z = at;
+    if (!columns.z.empty() ? fits && is_asked(name, columns.z) : fits && choice.z < 0 && is_z(name))
+      choice.z = at;
     if (!columns.deflection.empty()) {
-      if (name == lower(columns.deflection)) choice.bend = at;
+      if (fits && is_asked(name, columns.deflection)) choice.bend = at;
     } else if (fits && is_bend(name) && (choice.bend < 0 || by_force)) {
       choice.bend = at;
       by_force = false;
@@ -99,6 +133,19 @@ std::string names_of(const Table& table) {
   std::string text;
   for (const std::string& name : table.names) text += (text.empty() ? "" : ", ") + name;
   return plain_line(text, 100);
+}
+
+/// Names above a line of units alone: each with its unit.
+void join_units(Table& table) {
+  const auto bare = [](std::string_view name) {
+    const bool in_brackets = name.size() > 2 && (name.front() == '(' || name.front() == '[');
+    return in_brackets ? name.substr(1, name.size() - 2) : name;
+  };
+  std::size_t units = 0;
+  for (const std::string& name : table.names) units += unit_named(bare(name)) != nullptr ? 1 : 0;
+  if (table.above.empty() || units < 2) return;
+  for (std::size_t i = 0; i < table.names.size(); ++i)
+    table.names[i] = table.above[i] + " (" + std::string(bare(table.names[i])) + ")";
 }
 
 std::uint64_t little(std::string_view bytes, std::size_t at, std::size_t n) {
@@ -131,8 +178,71 @@ std::string plain_line(std::string_view text, std::size_t longest) {
   return out;
 }
 
+void take_stated_stiffness(std::string_view text, RawCurve& curve) {
+  std::string first;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find_first_of("\r\n"), text.size());
+    const std::string line = lower(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+    std::size_t at = line.find_first_of(":=,;\t");
+    if (at == std::string::npos) at = line.find_first_of("0123456789");
+    if (at == std::string::npos) continue;
+    const char between = line[at];
+    std::string key;  // its letters, and what its brackets hold
+    std::string unit;
+    bool in_brackets = false;
+    for (const char c : line.substr(0, at)) {
+      if (c == '(' || c == '[' || c == ')' || c == ']')
+        in_brackets = c == '(' || c == '[';
+      else if (in_brackets)
+        unit += c;
+      else if (is_letter(c) || c == '/')
+        key += c;
+    }
+    for (const std::string_view written : {"n/m", "nn/nm", "pn/nm", "mn/m", "nm"}) {
+      if (!unit.empty() || !key.ends_with(written) || key.size() == written.size()) continue;
+      unit = written == "nm" ? "n/m" : written;  // "k_n_m"
+      key.resize(key.size() - written.size());
+    }
+    const bool by_name = contains_any(key, {"springconst", "forceconst"}) &&
+                         !contains_any(key, {"display", "adjust", "torsion", "lateral"}) &&
+                         line.substr(0, at).find('2') == std::string::npos;  // of another mode
+    const bool by_letter = key == "k" || key == "kc" || key == "kcantilever" || key == "kn" ||
+                           key == "stiffness" || key == "cantileverstiffness" || key == "leverstiffness";
+    if (!by_name && !by_letter) continue;
+    at = line.find_first_of("0123456789.+-", at);
+    if (at == std::string::npos || line[at > 0 ? at - 1 : 0] == '/') continue;
+    std::string number = line.substr(at);
+    const std::size_t comma = number.find(',');
+    if (between != ',' && comma != std::string::npos && comma + 1 < number.size() &&
+        std::isdigit(static_cast<unsigned char>(number[comma + 1])) != 0)
+      number[comma] = '.';
+    if (number.front() == '+') number.erase(0, 1);
+    double value = 0;
+    const auto [rest, error] = std::from_chars(number.data(), number.data() + number.size(), value);
+    if (error != std::errc() || !(value > 0) || !std::isfinite(value)) continue;
+    std::string_view after(rest, static_cast<std::size_t>(number.data() + number.size() - rest));
+    after = after.substr(std::min(after.find_first_not_of(" ,;\t\"'(["), after.size()));
+    after = after.substr(0, after.find_first_of(" ,;\t\"')]"));
+    if (!after.empty()) unit = after;
+    double to_n_m = 0;
+    if (unit.empty() || unit == "n/m" || unit == "nn/nm") to_n_m = 1;
+    if (unit == "pn/nm" || unit == "mn/m") to_n_m = 1e-3;
+    if (to_n_m == 0 && !by_name && !contains_any(unit, {"n/", "newton"})) continue;  // another k
+    const bool same = !curve.stiffness_n_m || std::abs(to_n_m * value / *curve.stiffness_n_m - 1) < 0.01;
+    if (to_n_m == 0 || !same)
+      curve.stiffness_unread = (first.empty() ? "" : first + " and ") + plain_line(trimmed(line), 50);
+    if (first.empty()) first = plain_line(trimmed(line), 50);
+    if (to_n_m != 0 && !curve.stiffness_n_m) curve.stiffness_n_m = to_n_m * value;
+  }
+  if (!curve.stiffness_unread.empty()) curve.stiffness_n_m.reset();
+}
+
 void check_curve(RawCurve& curve) {
   if (!curve.error.empty()) return;
+  // What is no sensitivity is none that was said.
+  if (curve.invols_nm_v && !(*curve.invols_nm_v >= 0.01 && *curve.invols_nm_v <= 1e5))
+    curve.invols_nm_v.reset();
   const std::array<const RawSegment*, 2> segments{&curve.approach, &curve.retract};
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const RawSegment& segment = *segments[i];
@@ -144,7 +254,7 @@ void check_curve(RawCurve& curve) {
     }
     if (segment.z_nm.size() < kPointsMin) {
       curve.error = "has " + std::to_string(segment.z_nm.size()) + " points in its " + way +
-                    ", expected at least " + std::to_string(kPointsMin);
+                    ", expected at least " + std::to_string(kPointsMin) + ": both ways are needed";
       return;
     }
     for (std::size_t j = 0; j < segment.z_nm.size(); ++j) {
@@ -169,47 +279,77 @@ void split_at_turn(const std::vector<double>& z, const std::vector<double>& defl
 
 RawCurve read_csv(std::string_view bytes, const ColumnChoice& columns) {
   RawCurve curve;
-  const Table table =
-      read_table(bytes,
-                 ".csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats) or a NanoScope force curve; "
-                 "others as ",
-                 "z_nm,deflection_nm");
+  Table table = read_table(bytes,
+                           ".csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats) or a NanoScope force curve; "
+                           "others as ",
+                           "z_nm,deflection_nm");
   curve.error = table.error;
   if (!curve.error.empty()) return curve;
+  join_units(table);
+  for (const std::string& asked : {lower(columns.z), lower(columns.deflection)}) {
+    if (asked.empty() || std::count(table.names.begin(), table.names.end(), asked) < 2) continue;
+    curve.error = "has more than one column '" + plain_line(asked) + "': name them differently in the file";
+    return curve;
+  }
   const Choice both = choose(table, columns, -1);
   const bool separate = both.z < 0 || both.bend < 0;
   const Choice approach = separate ? choose(table, columns, 0) : both;
   const Choice retract = separate ? choose(table, columns, 1) : both;
   for (const Choice& choice : {approach, retract}) {
     if (choice.z >= 0 && choice.bend >= 0) continue;
-    curve.error = std::string("has no column for the ") + (choice.z < 0 ? "height" : "deflection or force") +
-                  ": name it by " + (choice.z < 0 ? "--z-column" : "--deflection-column") + "; it has " +
-                  names_of(table);
+    const bool no_z = choice.z < 0;
+    const std::string& asked = no_z ? columns.z : columns.deflection;
+    curve.error = std::string("has no ") +
+                  (asked.empty() ? "column for the "
+                                 : "'" + plain_line(asked) + "', or no such pair for both ways, as ") +
+                  (no_z ? "height" : "deflection or force") + ": name it by " +
+                  (no_z ? "--z-column" : "--deflection-column") + "; it has " + names_of(table);
+    return curve;
+  }
+  if (approach.z == approach.bend) {
+    curve.error = "cannot have its height and its deflection in one column '" +
+                  plain_line(table.names[static_cast<std::size_t>(approach.z)]) +
+                  "': choose others by --z-column and --deflection-column; it has " + names_of(table);
     return curve;
   }
   const auto unit_of = [&](int column) { return unit_in(table.names[static_cast<std::size_t>(column)]); };
-  const Unit* z_unit = unit_of(approach.z);
-  const Unit* bend_unit = unit_of(approach.bend);
-  if (z_unit == nullptr || z_unit->kind != 'l' || bend_unit == nullptr) {
-    const int bad = z_unit == nullptr || z_unit->kind != 'l' ? approach.z : approach.bend;
-    curve.error = "has a column '" + plain_line(table.names[static_cast<std::size_t>(bad)]) +
+  for (const Choice& choice : {approach, retract}) {
+    const Unit* z = unit_of(choice.z);
+    const bool z_bad = z == nullptr || z->kind != 'l';
+    if (!z_bad && unit_of(choice.bend) != nullptr) continue;
+    curve.error = "has a column '" +
+                  plain_line(table.names[static_cast<std::size_t>(z_bad ? choice.z : choice.bend)]) +
                   "' without a unit that fits at the end of its name: expected like z_nm, deflection_nm, "
-                  "deflection_v or force_nn";
+                  "deflection_v or force_nn, with m, um, nm, pm, V, mV, N, uN, nN or pN";
+    return curve;
+  }
+  const Unit* bend_unit = unit_of(approach.bend);
+  if (bend_unit->kind != unit_of(retract.bend)->kind) {
+    curve.error = "has its deflection in different units for approach and retract; it has " + names_of(table);
     return curve;
   }
   curve.unit = bend_unit->kind == 'l'   ? DeflectionUnit::kNanometre
                : bend_unit->kind == 'v' ? DeflectionUnit::kVolt
                                         : DeflectionUnit::kNanonewton;
+  take_stated_stiffness(table.said, curve);
+  // A file's force is its deflection times its lever's stiffness: with that it is what was measured again.
+  double from_force = 1;
+  if (curve.unit == DeflectionUnit::kNanonewton && curve.stiffness_n_m) {
+    from_force = 1.0 / *curve.stiffness_n_m;
+    curve.unit = DeflectionUnit::kNanometre;
+  }
   curve.what = "table, " + plain_line(table.names[static_cast<std::size_t>(approach.z)]) + " and " +
                plain_line(table.names[static_cast<std::size_t>(approach.bend)]);
   const auto take = [&](const Choice& choice, int way, RawSegment& segment) {
     const auto& z = table.columns[static_cast<std::size_t>(choice.z)];
     const auto& bend = table.columns[static_cast<std::size_t>(choice.bend)];
+    const double z_factor = unit_of(choice.z)->factor;
+    const double bend_factor = unit_of(choice.bend)->factor * from_force;
     for (std::size_t i = 0; i < z.size(); ++i) {
       if (way >= 0 && table.direction >= 0 && table.way[i] != way) continue;
       if (separate && std::isnan(z[i]) && std::isnan(bend[i])) continue;  // the shorter way's end
-      segment.z_nm.push_back(z_unit->factor * z[i]);
-      segment.deflection.push_back(bend_unit->factor * bend[i]);
+      segment.z_nm.push_back(z_factor * z[i]);
+      segment.deflection.push_back(bend_factor * bend[i]);
     }
   };
   if (separate || table.direction >= 0) {
@@ -262,8 +402,10 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns) {
     names[i] = std::string(label.substr(0, label.find('\0')));
   }
   const auto column = [&](const std::string& asked, std::initializer_list<const char*> usual) -> std::size_t {
+    // Others may be in volts or degrees: a wave does not say its columns' units.
     for (const std::string& name : names)
-      if (!asked.empty() && lower(name) == lower(asked))
+      if (!asked.empty() && lower(name) == lower(asked) &&
+          std::any_of(usual.begin(), usual.end(), [&](const char* word) { return lower(name) == word; }))
         return static_cast<std::size_t>(&name - names.data());
     for (const char* word : usual) {
       for (std::size_t i = 0; i < count && asked.empty(); ++i)
@@ -277,8 +419,9 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns) {
     std::string all;
     for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
     return fail(std::string("has no column for the ") + (z == count ? "height" : "deflection") +
-                ": name it by " + (z == count ? "--z-column" : "--deflection-column") + "; it has " +
-                plain_line(all, 100));
+                " that is known to be in metres (" + (z == count ? "ZSnsr, LVDT or Raw" : "Defl") +
+                "); it has " + plain_line(all, 100) +
+                ": export it as a table with columns like z_nm,deflection_nm");
   }
   const auto value = [&](std::size_t row, std::size_t of) {
     const std::size_t at = kHeader + (of * rows + row) * width;
@@ -300,8 +443,7 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns) {
     deflections[i] = 1e9 * value(i, bend);
   }
   split_at_turn(heights, deflections, curve);
-  const auto stiffness = noted(note, "SpringConstant");
-  if (stiffness && *stiffness > 0) curve.stiffness_n_m = stiffness;
+  take_stated_stiffness(note, curve);
   const auto invols = noted(note, "InvOLS");
   if (invols && *invols > 0) curve.invols_nm_v = 1e9 * *invols;
   curve.what = "Igor wave, " + plain_line(names[z]) + " and " + plain_line(names[bend]);

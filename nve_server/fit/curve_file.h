@@ -29,10 +29,11 @@ std::size_t curves_in(std::string_view bytes);
 RawCurve read_curve(std::string_view bytes, const ColumnChoice& columns = {});
 
 /// A table with commas, semicolons or tabs. The header is the first line that is followed by a line of as
-/// many numbers; what stands before it is passed over, and lines with '#'. A column's unit stands in its
-/// name: "z_nm", "Extend Force(nN)", "deflection [V]". Units: m, um, nm, pm; N, uN, nN, pN; V, mV. Ways: a
-/// column "direction" (approach, retract), or columns of their own ("Extend …", "Retract …"), else the
-/// turning point. What `telenano-nve curve` prints is such a table.
+/// many numbers (or of units and that line), also behind '#'; of what stands before it and of lines with '#' the
+/// lever's stiffness is read, see take_stated_stiffness. A column's unit is the end of its name, or all that stands in
+/// its last brackets: "z_nm", "Extend Force(nN)", "deflection [V]". Units: m, um (µm), nm, pm; N, uN, nN, pN; V,
+/// mV; others are refused. Ways: a column "direction" (approach, retract, or two numbers), or columns of their own
+/// ("Extend …", "Retract …"), else the turning point. What `telenano-nve curve` prints is such a table.
 RawCurve read_csv(std::string_view bytes, const ColumnChoice& columns = {});
 
 /// Igor binary wave, version 5, with columns Defl and ZSnsr or Raw in metres, as Asylum's instruments write
@@ -52,6 +53,10 @@ RawCurve read_hdf5(std::string_view bytes, const ColumnChoice& columns = {});
 /// with "\*Ciao force image list" for each channel, then numbers. Deflection is in V with the file's
 /// sensitivity; height is a Z sensor's channel, or the ramp.
 RawCurve read_nanoscope(std::string_view bytes, const ColumnChoice& columns = {});
+
+/// Of lines like "springConstant: 0.1", "# Spring Constant [pN/nm] = 100", "k,0.1,N/m" (without a unit: N/m) takes
+/// the lever's stiffness; what is in another unit, or said twice with different numbers, becomes stiffness_unread.
+void take_stated_stiffness(std::string_view text, RawCurve& curve);
 
 /// One printable line of ASCII of at most `longest` bytes: everything else becomes '?'.
 std::string plain_line(std::string_view text, std::size_t longest = 60);

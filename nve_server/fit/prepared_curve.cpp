@@ -4,6 +4,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "telenano/nve_server/fit/curve_check.h"
+
 namespace telenano::fit {
 namespace {
 
@@ -40,15 +42,6 @@ Line line_through(const std::vector<double>& x, const std::vector<double>& y, st
   }
   line.slope = xx > 0 ? xy / xx : 0;
   return line;
-}
-
-/// Noise from one point to the next that neither slope nor slow drift is part of: third differences, whose
-/// variance for white noise is 20 times its own; by the median, so that leaps do not count.
-double rough_noise(const std::vector<double>& y) {
-  std::vector<double> size;
-  for (std::size_t i = 3; i < y.size(); ++i)
-    size.push_back(std::abs(y[i] - 3 * y[i - 1] + 3 * y[i - 2] - y[i - 3]));
-  return 1.4826 * median(std::move(size)) / std::sqrt(20.0);
 }
 
 /// `sign`: −1 a leap down (snap-in), +1 up (pull-off).
@@ -272,6 +265,13 @@ std::string number(double value) {
 
 }  // namespace
 
+double rough_noise(const std::vector<double>& y) {
+  std::vector<double> size;
+  for (std::size_t i = 3; i < y.size(); ++i)
+    size.push_back(std::abs(y[i] - 3 * y[i - 1] + 3 * y[i - 2] - y[i - 3]));
+  return 1.4826 * median(std::move(size)) / std::sqrt(20.0);
+}
+
 PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   PreparedCurve curve;
   curve.error = raw.error;
@@ -281,10 +281,7 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   if (raw.unit == DeflectionUnit::kVolt) {
     curve.invols_nm_v = how.invols_nm_v ? how.invols_nm_v : raw.invols_nm_v;
     if (!curve.invols_nm_v && !how.invols_from_stiff) {
-      curve.error =
-          "has its deflection in volts: give --invols-nm-v, or --invols-nm-v stiff where the sample is rigid "
-          "for "
-          "this lever";
+      curve.error = "has its deflection in volts: give its sensitivity by --invols-nm-v, as a number";
       return curve;
     }
     to_nm = how.invols_from_stiff ? 1.0 : *curve.invols_nm_v;
@@ -305,8 +302,10 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   };
   take(raw.approach, curve.approach);
   take(raw.retract, curve.retract);
-  take_signs(curve);
   PreparedSegment& a = curve.approach;
+  curve.error = wrong_motion(a.z_nm, curve.retract.z_nm);
+  if (!curve.error.empty()) return curve;
+  take_signs(curve);
   const auto range = [](const std::vector<double>& v) {
     const auto [low, high] = std::minmax_element(v.begin(), v.end());
     return *high - *low;
@@ -327,8 +326,8 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
       for (double& d : segment->deflection_nm) d /= slope;
     if (raw.unit == DeflectionUnit::kVolt) curve.invols_nm_v = 1.0 / slope;
     curve.notes.push_back(
-        "deflection sensitivity from the deepest part, as if the sample were rigid: E is then "
-        "only a lower bound");
+        "deflection sensitivity from the deepest part, as if the sample were rigid: no interval holds if it "
+        "is not");
   }
   for (PreparedSegment* segment : {&curve.approach, &curve.retract}) {
     const double noise = rough_noise(segment->deflection_nm);
@@ -365,6 +364,8 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
       a.deflection_nm.back() - curve.offset_nm[0] - curve.tilt[0] * (a.z_nm.back() - curve.z_middle_nm);
   if (!(rise > kStandsOut * curve.noise_nm) && !a.leap && !curve.retract.leap)
     curve.error = "shows no contact: its deepest point is within " + number(kStandsOut) + " times the noise";
+  else
+    curve.error = wrong_deflection(curve);
   return curve;
 }
 

@@ -63,7 +63,12 @@ struct Preparation {
 /// Step: on a lever so stiff that it does not leap, the bridge's force sets in within one point, in a curve
 /// that bends. It is where parabolas through the points before and after miss each other the most, by more
 /// than seven times what the noise makes of that.
+/// A curve that is not one approach and its retract, or whose detector clips, is refused: see curve_check.h.
 PreparedCurve prepare(const RawCurve& raw, const Preparation& how);
+
+/// Noise from one point to the next that neither slope nor slow drift is part of: third differences, whose
+/// variance for white noise is 20 times its own; by the median, so that leaps do not count.
+double rough_noise(const std::vector<double>& y);
 
 /// On a spring: the part of the base's way by which the deflection grows in contact, d(deflection)/d(−z), by least
 /// squares over the deeper half of the contact, mean of both ways. Its standard deviation is by the residuals'

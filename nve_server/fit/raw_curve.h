@@ -24,6 +24,7 @@ struct RawCurve {
   RawSegment retract;
   DeflectionUnit unit = DeflectionUnit::kNanometre;
   std::optional<double> stiffness_n_m;  ///< of the lever, where the file says it
+  std::string stiffness_unread;         ///< what the file says of it, where that cannot be read
   std::optional<double> invols_nm_v;    ///< where the file says it
   std::string what;                     ///< for a person: format and channels
   std::string error;                    ///< not empty: what is wrong, one line without the file's name

@@ -9,7 +9,7 @@ namespace telenano::fit {
 
 inline constexpr std::size_t kColumnsMax = 64;
 
-/// In small letters (ASCII).
+/// In small letters (ASCII), and µ (UTF-8 or Latin-1, the micro sign or the Greek letter) as u.
 std::string lower(std::string_view text);
 /// Without blanks and quotes at its ends.
 std::string_view trimmed(std::string_view text);
@@ -22,7 +22,9 @@ struct Table {
   std::vector<std::string> names;            ///< in small letters
   std::vector<std::vector<double>> columns;  ///< NaN: no number
   int direction = -1;
-  std::vector<int> way;  ///< by direction: 0 approach, 1 retract
+  std::vector<int> way;            ///< by direction: 0 approach, 1 retract
+  std::vector<std::string> above;  ///< the fields of the line before the names, if it has as many
+  std::string said;                ///< the lines before the names and the comments, each ended by LF
   std::string error;
 };
 

@@ -63,13 +63,18 @@ class Formats(unittest.TestCase):
 
     def test_hdf5(self):
         k = 40.0
-        # Another stiffness in the file than the scene's: what was measured is force over that stiffness.
+        # Another stiffness in the file than the scene's is refused, unless one is given. What was measured is force over the file's.
         for name, stiffness in (("a.h5", k), ("b.h5", 12.5)):
             make_curves.hdf5(self.folder / name, [([1e-9 * z for z in self.z_in], [1e-9 * stiffness * d for d in self.d_in],
                                                    [1e-9 * z for z in self.z_out], [1e-9 * stiffness * d for d in self.d_out],
                                                    {"spring constant": stiffness, "sensitivity": 5e-8})],
                              how={"chunks": (100,), "compression": "gzip", "shuffle": True, "fletcher32": True})
-            self.same(name)
+            if stiffness != k:
+                run = subprocess.run([nve, "fit", self.folder / name, "--scene", "flat_polystyrene", "-o", self.folder / "no.toml"],
+                                     capture_output=True, text=True, timeout=240)
+                self.assertEqual((run.returncode, len(run.stderr.splitlines())), (2, 1), run.stderr)
+                self.assertIn("12.5 N/m, and the scene has", run.stderr)
+            self.same(name, "--stiffness-n-m", str(k))
 
     def test_hdf5_with_several_curves(self):
         curve = ([1e-9 * z for z in self.z_in], [1e-9 * 40 * d for d in self.d_in], [1e-9 * z for z in self.z_out],

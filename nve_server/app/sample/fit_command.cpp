@@ -34,6 +34,7 @@ namespace telenano::app {
 namespace {
 
 constexpr int kThreadsMax = 256;
+constexpr double kStiffnessOff = 0.1;  // of the file's from the scene's
 constexpr const char* kExchanged =
     "the deflection changes evenly, as z should, and z does not: are the two columns swapped? --z-column and "
     "--deflection-column choose them";
@@ -49,16 +50,28 @@ void fit_one(const FitOptions& options, const fit::FitSetup& setup, const fit::P
   curve.stiffness_n_m = raw.stiffness_n_m;
   curve.prepared = fit::prepare(raw, how);
   curve.notes = curve.prepared.notes;
-  curve.looks_exchanged = fit::columns_look_exchanged(curve.prepared);
-  if (curve.looks_exchanged) curve.notes.emplace_back(kExchanged);
-  curve.fit = fit::fit_curve(curve.prepared, setup);
-  if (curve.looks_exchanged && !curve.fit.error.empty()) curve.fit.error += std::string("; ") + kExchanged;
+  std::string& wrong = curve.prepared.error;
+  if (fit::columns_look_exchanged(curve.prepared)) wrong = kExchanged;
   const double k = how.stiffness_n_m;
-  if (raw.stiffness_n_m && std::abs(*raw.stiffness_n_m / k - 1.0) > 0.01) {
-    curve.notes.push_back("the file says that its lever has " + number_text(*raw.stiffness_n_m) +
-                          " N/m, and the fit uses " + number_text(k) +
-                          " N/m: --stiffness-n-m chooses another");
+  const std::string stated =
+      raw.stiffness_n_m ? number_text(*raw.stiffness_n_m) + " N/m" : "'" + raw.stiffness_unread + "'";
+  const double off = raw.stiffness_n_m ? std::abs(*raw.stiffness_n_m / k - 1.0) : 1.0;
+  const bool given = options.stiffness_n_m || !options.thermal.empty() || !options.reference.empty();
+  if (raw.error.empty() && (raw.stiffness_n_m || !raw.stiffness_unread.empty()) && !given &&
+      off > kStiffnessOff)
+    wrong = "says that its lever has " + stated + ", and the scene has " + number_text(k) +
+            " N/m: give the right one by --stiffness-n-m, or in the scene";
+  curve.fit = fit::fit_curve(curve.prepared, setup);
+  if (how.invols_from_stiff) {
+    // What the sample gives is taken from it, too: a softer one looks stiffer, a tip that slides softer.
+    for (fit::Estimate& estimate : curve.fit.estimates) {
+      estimate.low.reset();
+      estimate.high.reset();
+    }
   }
+  if (off > 0.01 && (raw.stiffness_n_m || !raw.stiffness_unread.empty()))
+    curve.notes.push_back("the file says that its lever has " + stated + ", and the fit uses " +
+                          number_text(k) + " N/m: --stiffness-n-m chooses another");
 }
 
 /// A file with several curves becomes as many. What cannot be read stays one, and says so when its turn comes.
@@ -158,9 +171,6 @@ void run(const FitOptions& options) {
   fit_all(options, setup, how, curves);
   std::size_t good = 0;
   for (const FittedCurve& curve : curves) {
-    // Of one curve the notes say it, and of one that cannot be fitted the error.
-    if (curve.looks_exchanged && curve.fit.error.empty() && curves.size() > 1)
-      std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", curve.name.c_str(), kExchanged);
     if (curve.fit.error.empty())
       ++good;
     else if (curves.size() > 1)

@@ -51,7 +51,6 @@ struct FittedCurve {
   std::string what;
   std::optional<double> stiffness_n_m;  // as the file has it
   std::vector<std::string> notes;
-  bool looks_exchanged = false;  // z and deflection
   fit::PreparedCurve prepared;
   fit::CurveFit fit;
 };
