@@ -165,6 +165,20 @@ TEST(AfmLogic, ReadingsThatComeLateMakeNoSignLookWrong) {
   }
 }
 
+// Every reply late, from the first one of the checks on, with the time-outs as they come.
+TEST(AfmLogic, AControllerWhoseRepliesAreLateIsApproached) {
+  for (const std::int64_t late_ms : {6, 20}) {
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+      Bench b;
+      b.rig.seed = seed;
+      b.start();
+      b.afm->apply({0, afm_sim::FaultKind::kSlow, 60'000 * kMs, late_ms * kMs});
+      EXPECT_TRUE(b.until(Phase::kFollowing) && b.afm->logic().state().latches == 0)
+          << late_ms << " ms, seed " << seed << ": " << b.afm->logic().news() << b.afm->logic().refusal();
+    }
+  }
+}
+
 // Through the emergency port no reading comes: a busy machine between may take 300 ms over an answer. No
 // answer at all is a withdrawal, as before.
 TEST(AfmLogic, TheEmergencyPortMayTakeAsLongAsTheGuardWaits) {
