@@ -122,8 +122,8 @@ device::DeviceInfo device_info(const PlanOptions& options, const StationFile& fi
 }
 
 std::string on_its_way(const scene_store::SceneKeeper& keeper) {
-  if (keeper.bundle() != nullptr) return "the server's scene is here and is being checked";
-  return fmt::format("the server's scene is being fetched: {:.0f} % is here", 100 * keeper.fetched());
+  if (keeper.bundle() != nullptr) return "being checked";
+  return fmt::format("being fetched, {:.0f} % is here", 100 * keeper.fetched());
 }
 
 /// The sample of the session, pressed here, not at the server.
@@ -137,12 +137,12 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
   }
   keeper.start();
   wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, file.station.rate_hz, stop,
-                 [&] { fmt::print(stderr, "note: {}\n", on_its_way(keeper)); });
+                 [&] { fmt::print(stderr, "note: the server's scene is {}\n", on_its_way(keeper)); });
   const auto scene = keeper.scene();
   if (!scene) {
-    far.no_touch = keeper.settled()
-                       ? keeper.news().words
-                       : fmt::format("{}, after {} s; ask again", on_its_way(keeper), kSceneWaitS);
+    far.no_touch = keeper.settled() ? keeper.news().words
+                                    : fmt::format("after {} s the server's scene is still {}; ask again",
+                                                  kSceneWaitS, on_its_way(keeper));
     return;
   }
   const auto twins = twin::decode_twins(scene->bundle, 1);
