@@ -17,7 +17,7 @@ constexpr double kFree = 0.3;        // of the slope in contact: a baseline tilt
 constexpr double kFlat = 0.25;       // of the slope in contact: a clipped detector
 constexpr double kFastest =
     1.1;  // deflection over base: 1 on a rigid sample, and an error of the calibration
-constexpr std::size_t kEqual = 6;  // readings in a row
+constexpr std::size_t kEqual = 3;  // readings in a row
 
 double range_of(const std::vector<double>& values) {
   const auto [low, high] = std::minmax_element(values.begin(), values.end());
@@ -50,6 +50,7 @@ std::vector<double> block_means(const std::vector<double>& z, std::size_t width)
 struct Slope {
   double value = 0;  ///< of the deflection over the base's way towards the sample
   double error = 0;
+  double spread_nm = 0;  ///< root of the sum of squares of z about its mean
   bool good = false;
 };
 
@@ -73,7 +74,7 @@ Slope slope_of(const PreparedSegment& segment, std::size_t begin, std::size_t en
     dd += b * b;
   }
   if (!(zz > 0) || n < 4) return {};
-  return {-zd / zz, std::sqrt(std::max(dd - zd * zd / zz, 0.0) / (n - 2) / zz), true};
+  return {-zd / zz, std::sqrt(std::max(dd - zd * zd / zz, 0.0) / (n - 2) / zz), std::sqrt(zz), true};
 }
 
 /// The largest slope of a twentieth of the approach: of the contact, whatever sign the deflection has.
@@ -113,76 +114,94 @@ double step_of(const std::vector<double>& readings) {
 }
 
 /// Equal readings in contact for longer than the steps of the readings explain, and not where the deflection turns
-/// smoothly, as before a pull-off.
+/// smoothly, as before a pull-off. Both ways in time: what is clipped goes over the turn.
 bool has_equal_readings(const PreparedCurve& curve, double contact) {
-  for (const bool approach : {true, false}) {
-    const PreparedSegment& segment = approach ? curve.approach : curve.retract;
-    const std::vector<double>& d = segment.deflection_nm;
-    const double step_nm = step_of(d);
-    for (std::size_t begin = 0, end = 0; begin < d.size(); begin = end) {
-      for (end = begin + 1; end < d.size() && d[end] == d[begin];) ++end;
-      if (end - begin < kEqual) continue;
-      const double moved_nm = std::abs(segment.z_nm[end - 1] - segment.z_nm[begin]);
-      if (!stands_out(curve, approach, begin, 8 * step_nm) || !(contact * moved_nm > 8 * step_nm)) continue;
-      const std::size_t beside = std::max<std::size_t>(4, (end - begin) / 4);
-      const auto steep = [&](std::size_t i, std::size_t j) {
-        return std::abs(d[i] - d[j]) > kFree * contact * std::abs(segment.z_nm[i] - segment.z_nm[j]) &&
-               i != j;
-      };
-      if (steep(begin - std::min(begin, beside), begin) ||
-          steep(end - 1, std::min(end - 1 + beside, d.size() - 1)))
-        return true;
-    }
+  std::vector<double> d = curve.approach.deflection_nm;
+  std::vector<double> z = curve.approach.z_nm;
+  const std::size_t in = d.size();
+  d.insert(d.end(), curve.retract.deflection_nm.begin(), curve.retract.deflection_nm.end());
+  z.insert(z.end(), curve.retract.z_nm.begin(), curve.retract.z_nm.end());
+  const double step_nm = step_of(d);
+  for (std::size_t begin = 0, end = 0; begin < d.size(); begin = end) {
+    for (end = begin + 1; end < d.size() && d[end] == d[begin];) ++end;
+    if (end - begin < kEqual) continue;
+    const auto [low, high] = std::minmax_element(z.begin() + static_cast<std::ptrdiff_t>(begin),
+                                                 z.begin() + static_cast<std::ptrdiff_t>(end));
+    const bool approach = begin < in;
+    if (!stands_out(curve, approach, approach ? begin : begin - in, 8 * step_nm) ||
+        !(contact * (*high - *low) > 8 * step_nm))
+      continue;
+    const std::size_t beside = std::max<std::size_t>(2, (end - begin) / 4);
+    const auto steep = [&](std::size_t i, std::size_t j) {
+      return i != j && std::abs(d[i] - d[j]) > kFree * contact * std::abs(z[i] - z[j]);
+    };
+    if (steep(begin - std::min(begin, beside), begin) ||
+        steep(end - 1, std::min(end - 1 + beside, d.size() - 1)))
+      return true;
   }
   return false;
 }
 
-/// The mean of the deepest `width` points is at less than 0.4 of the height that the `2 width` points before, a line,
-/// lead to.
-bool bends_flat(const PreparedSegment& segment, bool approach, std::size_t width, double noise_nm,
-                double contact) {
+double mean_of(const std::vector<double>& values, std::size_t begin, std::size_t count) {
+  double sum = 0;
+  for (std::size_t i = begin; i < begin + count; ++i) sum += values[i];
+  return sum / static_cast<double>(count);
+}
+
+/// How far the mean of the deepest `width` points stays behind the line through twice as many before them.
+struct Missing {
+  double height_nm = 0;
+  double flat_nm = 0;  ///< what it would be if the deepest points were all as the first of them
+  double error_nm = 0;
+};
+
+Missing missing_at_the_turn(const PreparedSegment& segment, bool approach, std::size_t width,
+                            double noise_nm) {
   const std::size_t n = segment.z_nm.size();
   const std::size_t begin = approach ? n - width : 0;
   const std::size_t before = approach ? n - 3 * width : width;
   const Slope slope = slope_of(segment, before, before + 2 * width);
-  const auto mean = [](const std::vector<double>& v, std::size_t from, std::size_t count) {
-    double sum = 0;
-    for (std::size_t i = from; i < from + count; ++i) sum += v[i];
-    return sum / static_cast<double>(count);
-  };
-  const double from_edge_nm =
-      std::abs(mean(segment.z_nm, begin, width) - segment.z_nm[approach ? begin : width - 1]);
-  const double away_nm = mean(segment.z_nm, begin, width) - mean(segment.z_nm, before, 2 * width);
-  const double missing_nm = mean(segment.deflection_nm, before, 2 * width) - slope.value * away_nm -
-                            mean(segment.deflection_nm, begin, width);
-  const double error_nm = std::hypot(slope.error * away_nm, noise_nm / std::sqrt(static_cast<double>(width)));
+  if (!slope.good) return {};
   const double sign = slope.value > 0 ? 1 : -1;
-  return slope.good && std::abs(slope.value) > kFlat * contact &&
-         sign * missing_nm > 0.6 * std::abs(slope.value) * from_edge_nm && sign * missing_nm > 5 * error_nm;
+  const double z_nm = mean_of(segment.z_nm, begin, width);
+  const double away_nm = z_nm - mean_of(segment.z_nm, before, 2 * width);
+  const double line_nm = mean_of(segment.deflection_nm, before, 2 * width) - slope.value * away_nm;
+  const double slope_error = std::max(slope.error, noise_nm / slope.spread_nm);
+  return {sign * (line_nm - mean_of(segment.deflection_nm, begin, width)),
+          std::abs(slope.value) * std::abs(z_nm - segment.z_nm[approach ? begin : width - 1]),
+          std::hypot(slope_error * away_nm, noise_nm / std::sqrt(static_cast<double>(width)))};
 }
 
-/// The deepest part of both ways flat beside the contact's slope, over 4 points or more.
+/// The deepest part of both ways flat beside the contact's slope: over the same lengths, from two points on.
 bool is_flat_at_the_turn(const PreparedCurve& curve, double contact) {
-  const std::size_t in = curve.approach.z_nm.size();
-  const std::size_t out = curve.retract.z_nm.size();
-  const double usual_nm[2] = {range_of(curve.approach.z_nm) / static_cast<double>(in),
-                              range_of(curve.retract.z_nm) / static_cast<double>(out)};
-  for (std::size_t width = 4; width <= std::min(in, out) / 3; width += std::max<std::size_t>(width / 4, 1)) {
-    if (!stands_out(curve, true, in - width, 0) || !stands_out(curve, false, width - 1, 0)) return false;
+  const PreparedSegment* ways[2] = {&curve.approach, &curve.retract};
+  double usual_nm[2];
+  for (int i = 0; i < 2; ++i)
+    usual_nm[i] = range_of(ways[i]->z_nm) / static_cast<double>(ways[i]->z_nm.size());
+  for (double length_nm = 2 * std::max(usual_nm[0], usual_nm[1]);; length_nm *= 1.2) {
     bool flat = true;
     bool bends = true;
-    for (const bool approach : {true, false}) {
-      const PreparedSegment& way = approach ? curve.approach : curve.retract;
-      const std::size_t begin = approach ? in - width : 0;
+    double missing_nm = 0;
+    double variance = 0;
+    for (int i = 0; i < 2; ++i) {
+      const PreparedSegment& way = *ways[i];
+      const std::size_t n = way.z_nm.size();
+      const auto width = static_cast<std::size_t>(length_nm / usual_nm[i]);
+      if (3 * width > n) return false;
+      const std::size_t begin = i == 0 ? n - width : 0;
+      if (!stands_out(curve, i == 0, i == 0 ? begin : width - 1, 0)) return false;
       const double moved_nm = std::abs(way.z_nm[begin + width - 1] - way.z_nm[begin]);
-      if (!(moved_nm > 0.5 * usual_nm[approach ? 0 : 1] * static_cast<double>(width))) flat = bends = false;
+      if (!(moved_nm > 0.5 * usual_nm[i] * static_cast<double>(width - 1))) flat = bends = false;
       const Slope slope = slope_of(way, begin, begin + width);
       flat = flat && width >= 8 && slope.good && std::abs(slope.value) + 3 * slope.error < kFlat * contact;
-      bends = bends && bends_flat(way, approach, width, curve.noise_nm, contact);
+      const Missing missing = missing_at_the_turn(way, i == 0, width, curve.noise_nm);
+      bends = bends && missing.flat_nm > kFlat * contact * 0.5 * moved_nm &&
+              missing.height_nm > 0.6 * missing.flat_nm;
+      missing_nm += missing.height_nm;
+      variance += missing.error_nm * missing.error_nm;
     }
-    if (flat || bends) return true;
+    if (flat || (bends && missing_nm > 4 * std::sqrt(variance))) return true;
   }
-  return false;
 }
 
 /// Without any noise away from the sample, and with noise in contact: what is less than a limit is not seen.
@@ -238,6 +257,7 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
     ++width;
   // Of the moves from block to block: the part of what it goes at the usual speed.
   std::vector<double> part;
+  std::vector<double> place_nm;
   for (int way = 0; way < 2; ++way) {
     const std::vector<double> means = block_means(*ways[way], width);
     double farthest = -1e300;
@@ -246,6 +266,7 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
       farthest = std::max(farthest, sign * means[i]);
       if (farthest - sign * means[i] > kTurns * std::max(in_nm, out_nm))
         return "has more than two segments: leave one approach and its retract in the file";
+      place_nm.push_back(means[i]);
       if (i > 0)
         part.push_back(std::abs(means[i] - means[i - 1]) / (usual_nm[way] * static_cast<double>(width)));
     }
@@ -253,15 +274,14 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
   }
   for (std::size_t begin = 0, end = 0; begin < part.size(); begin = end + 1) {
     end = begin;
-    double moved = 0;
-    while (end < part.size() && part[end] < kStill) moved += part[end++];
+    while (end < part.size() && part[end] < kStill) ++end;
     // A wait away from the sample, before or after, does no harm.
     if (end == begin || begin == 0 || end == part.size()) continue;
     const double points = static_cast<double>((end - begin) * width);
     const bool sudden =
         (begin < 2 || part[begin - 2] > 0.5) && (end + 1 >= part.size() || part[end + 1] > 0.5);
-    const bool far = moved * static_cast<double>(width) * slower_nm > kStillMost * std::max(in_nm, out_nm);
-    if (!far && points >= 6 && points > (sudden ? 0.015 : 0.1) * fewer)
+    const bool far = std::abs(place_nm[end] - place_nm[begin]) > kStillMost * std::max(in_nm, out_nm);
+    if (!far && points >= 5 && points > (sudden ? 0.015 : 0.1) * fewer)
       return "has a pause (dwell) of some " + std::to_string(static_cast<long>(points)) +
              " points: leave out its rows, it belongs to neither way";
   }

@@ -17,7 +17,6 @@ import tempfile
 import unittest
 
 source, nve = (pathlib.Path(argument) for argument in sys.argv[1:3])
-cases = source / "tests/data/cases"
 E, RADIUS, K = 0.5, 20.0, 1.0  # GPa, nm, N/m
 POINTS = 600
 SENSITIVITY = 50.0  # nm/V
@@ -306,7 +305,7 @@ class Cases(unittest.TestCase):
     def wrong(self, number, path, flags, what):
         """What is wrong, or None."""
         out = self.folder / f"{number}.toml"
-        run = subprocess.run([nve, "fit", path, "--scene", cases / "h.toml", "-o", out, "--threads", "1", *flags], capture_output=True, timeout=300)
+        run = subprocess.run([nve, "fit", path, "--scene", source / "tests/data/curves/hertz.toml", "-o", out, "--threads", "1", *flags], capture_output=True, timeout=300)
         said, refused = (text.decode("utf-8", "replace") for text in (run.stdout, run.stderr))
         if run.returncode == 0:
             value, low, high = re.search(r"^E +(\S+) GPa +(\S+) to (\S+)", said, re.M).groups()

@@ -170,6 +170,44 @@ TEST_F(ImportTest, ListsAndChoosesChannels) {
   expect_refused({file, "--channel", "0"}, {"'deg'", "'m'"});
 }
 
+// What a channel in metres is, its title says. The marked one is 8 pixels wide, the other 6.
+TEST_F(ImportTest, OfSeveralChannelsInMetresTheOneNamedAsAHeightIsTaken) {
+  const char* heights[] = {
+      "Height",       "Z",         "z",         "Height Sensor",    "Z Sensor",          "ZSensor",
+      "ZSensorTrace", "ZSENSOR",   "Sensor",    "Topography [Fwd]", "Height (measured)", "HeightRetrace",
+      "Z (Forward)",  "1F:Height", "topography"};
+  const char* others[] = {"Amplitude",    "AmplitudeRetrace", "Z Error",  "Height Error", "Deflection",
+                          "Error signal", "Deflection Error", "X Sensor", "YSensor",      "Horizontal",
+                          "Zoom",         "Sensors",          "",         "Lateral Z",    "Heights"};
+  std::vector<std::pair<std::string, std::string>> pairs;
+  for (const char* height : heights) pairs.emplace_back(height, "Amplitude");
+  for (const char* other : others) pairs.emplace_back("Height", other);
+  for (const auto& [height, other] : pairs) {
+    for (const bool first : {true, false}) {
+      const std::string file = gwy_file(
+          "t.gwy", gwy::channel(0, first ? height : other, marked(first ? 8 : 6, 8, 1e-8, 1e-8)) +
+                       gwy::channel(1, first ? other : height, marked(first ? 6 : 8, 8, 1e-8, 1e-8)));
+      const Finished run = import({file, "-o", "t", "--force"});
+      ASSERT_EQ(run.exit_code, 0) << run.err << height << ", " << other;
+      EXPECT_EQ(surface::read_gsf(path("t/t.gsf")).grid.columns, 8) << height << ", " << other;
+    }
+  }
+  fs::remove_all(path("t"));
+  // None, or none that is known: the list, and the flag that names one.
+  const gwy::Field field = marked(8, 8, 1e-8, 1e-8);
+  for (const auto& [one, two] : {std::pair("Amplitude", "Deflection"), {"Forward", "Backward"}, {"", ""}}) {
+    const std::string file = gwy_file("t.gwy", gwy::channel(0, one, field) + gwy::channel(3, two, field));
+    expect_refused({file, "-o", "t"}, {"--channel", std::string("3 '") + two + "' in m"});
+    EXPECT_EQ(import({file, "-o", "t", "--channel", "3", "--force"}).exit_code, 0);
+    fs::remove_all(path("t"));
+  }
+  for (const char* signal : {"Amplitude Error", "Deflection"}) {
+    expect_refused({gwy_file("t.gwy", gwy::channel(0, signal, field)), "-o", "t"}, {"--channel", signal});
+  }
+  EXPECT_FALSE(fs::exists(path("t")));
+  EXPECT_EQ(import({gwy_file("t.gwy", gwy::channel(0, "Forward", field)), "-o", "t"}).exit_code, 0);
+}
+
 TEST_F(ImportTest, FillsGapsAndLeavesMasksUnlessTold) {
   gwy::Field field = marked(20, 20, 1e-8, 1e-8);
   gwy::Field mask = field;
@@ -331,6 +369,37 @@ TEST_F(ImportTest, OtherFormatsComeThroughAChild) {
   EXPECT_EQ(left_behind(), 0u);
 }
 
+// Gwyddion 2.62 takes the Latin-1 micro sign of a WSxM file for nothing, and the number for nanometres.
+TEST_F(ImportTest, AWsxmFileIsHeldAgainstItsOwnHeader) {
+  program("gwyddion", "cp '" + path("converted.gwy") + "' \"${1#--convert-to-gwy=}\"\n");
+  const std::string programs = path("bin") + ":/usr/bin:/bin";
+  const auto wsxm = [&](const std::string& x, const std::string& y, const std::string& z) {
+    return write("scan.stp",
+                 "WSxM file copyright UAM\r\nSxM Image file\r\n\r\n[Control]\r\n\r\n    X Amplitude: " + x +
+                     "\r\n    Y Amplitude: " + y + "\r\n\r\n[General Info]\r\n\r\n    Z Amplitude: " + z +
+                     "\r\n\r\n[Header end]\r\n");
+  };
+  const auto converted = [&](double width, double height, double factor) {
+    gwy::Field field = marked(8, 8, width, height);
+    for (double& z : field.values) z *= factor;
+    write("converted.gwy", gwy::file(gwy::channel(0, "Topography", field)));
+  };
+  converted(20e-9, 20e-9, 1);
+  for (const char* twenty :
+       {"20 \xb5m", "20 \xc2\xb5m", "20 \xce\xbcm", "20 um", "20000 nm", "20 furlongs", "20", "x"}) {
+    expect_refused({wsxm(twenty, twenty, "8 nm")}, {"scan.stp", "X Amplitude", "header", "save it as .gwy"},
+                   programs);
+    expect_refused({"--list", wsxm("20 nm", twenty, "8 nm")}, {"Y Amplitude", "header"}, programs);
+  }
+  for (const char* twenty : {"20 nm", "0.02 \xb5m", "0,02 um", "200 \xc5"})
+    EXPECT_EQ(import({wsxm(twenty, twenty, "8 nm"), "--force"}, programs).exit_code, 0) << twenty;
+  fs::remove_all(path("scan"));
+  expect_refused({wsxm("20 nm", "20 nm", "8 \xb5m")}, {"Z Amplitude", "8000 nm"}, programs);
+  converted(20e-6, 20e-6, 1);
+  EXPECT_EQ(import({wsxm("20 \xb5m", "20 \xb5m", "8 nm")}, programs).exit_code, 0);
+  EXPECT_EQ(left_behind(), 0u);
+}
+
 TEST_F(ImportTest, AChildThatMisbehavesIsOneLine) {
   const std::string file = write("scan.spm", "anything");
   app::ConvertLimits limits;
@@ -412,6 +481,13 @@ TEST_F(ImportTest, AnInstrumentsFileGivesTheScanThatAnotherProgramMadeOfIt) {
   }
   EXPECT_LT(worst, 1e-3);
   EXPECT_NE(run.out.find("converted by Gwyddion"), std::string::npos) << run.out;
+}
+
+TEST_F(ImportTest, AMicroSignInLatin1IsNoNanometre) {
+  if (!gwyddion_is_installed()) GTEST_SKIP() << "Gwyddion is not installed: apt-get install gwyddion";
+  expect_refused({kData + "wsxm_20um_latin1.stp"}, {"X Amplitude 20000 nm", "Gwyddion makes 20 nm"});
+  EXPECT_EQ(import({kData + "wsxm_2000nm.stp"}).exit_code, 0);
+  EXPECT_NEAR(surface::read_gsf(path("wsxm_2000nm/wsxm_2000nm.gsf")).width_nm, 2000, 1e-3);
 }
 
 TEST_F(ImportTest, ADamagedInstrumentsFileIsOneLine) {

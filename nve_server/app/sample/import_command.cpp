@@ -18,6 +18,7 @@
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/app/sample/gwyddion_convert.h"
 #include "telenano/nve_server/app/sample/user_files.h"
+#include "telenano/nve_server/import/channel_check.h"
 #include "telenano/nve_server/import/clean_scan.h"
 #include "telenano/nve_server/import/gwy_file.h"
 #include "telenano/nve_server/import/imported_scene.h"
@@ -33,6 +34,7 @@ constexpr double kExtentMin_m = 1e-10;
 constexpr double kExtentMax_m = 1e-3;
 constexpr double kHeightMax_nm = 1e5;
 constexpr double kSpikesHinted = 10.0;
+constexpr std::size_t kHeaderMax = std::size_t{1} << 16;
 
 struct ImportOptions {
   std::string file;
@@ -71,7 +73,9 @@ void read_source(const std::string& path, Source& source) {
     source.gsf = surface::parse_gsf(source.bytes, path);
     return;
   }
+  std::string original;  // of what is converted, the beginning
   if (!import::is_gwy(source.bytes)) {
+    original = source.bytes.substr(0, kHeaderMax);
     source.bytes = convert_by_gwyddion(path);
     source.converted = true;
   }
@@ -80,6 +84,10 @@ void read_source(const std::string& path, Source& source) {
   if (!source.gwy.error.empty()) throw UserError(path + whose + source.gwy.error);
   if (source.gwy.channels.empty())
     throw UserError(path + ": has no image (only curves, volumes or point clouds)");
+  for (const import::GwyChannel& channel : source.gwy.channels) {
+    const std::string wrong = import::differs_from_wsxm(original, channel.field);
+    if (!wrong.empty()) throw UserError(path + ": " + wrong);
+  }
 }
 
 bool is_height(const import::GwyChannel& channel) {
@@ -103,11 +111,21 @@ std::string all_shown(const import::GwyFile& file) {
 const import::GwyChannel& chosen(const Source& source, const ImportOptions& options) {
   const auto& channels = source.gwy.channels;
   if (options.channel.empty()) {
-    const auto first = std::find_if(channels.begin(), channels.end(), is_height);
-    if (first == channels.end())
+    const auto in_metres = std::count_if(channels.begin(), channels.end(), is_height);
+    if (in_metres == 0) {
       throw UserError(options.file + ": has no channel of heights, in m over m; it has " +
                       all_shown(source.gwy));
-    return *first;
+    }
+    for (const import::GwyChannel& channel : channels) {
+      const import::TitleSays says = import::title_says(channel.title);
+      if (is_height(channel) &&
+          (says == import::TitleSays::kHeight || (in_metres == 1 && says == import::TitleSays::kNothing)))
+        return channel;
+    }
+    throw UserError(
+        options.file +
+        ": none of its channels in metres is a height by its title: name one by --channel; it has " +
+        all_shown(source.gwy));
   }
   const import::GwyChannel* found = nullptr;
   int number = -1;
@@ -406,6 +424,10 @@ Heights take_channel(Source& source, const ImportOptions& options, Account& acco
       throw UserError(options.file + ": there is no channel '" + import::printable(options.channel) +
                       "': a .gsf has one, 0 '" + import::printable(source.gsf->title) + "'");
     }
+    if (options.channel.empty() && import::title_says(source.gsf->title) == import::TitleSays::kSignal) {
+      throw UserError(options.file + ": '" + import::printable(source.gsf->title) +
+                      "' is no height by its title: --channel 0 takes it all the same");
+    }
     heights.scan = std::move(*source.gsf);
     title = "0 '" + import::printable(heights.scan.title) + "'";
   } else {
@@ -500,7 +522,9 @@ void add_import_command(CLI::App& app) {
   command->add_flag("--list", options->list, "Only list the channels, as CSV");
   command
       ->add_option("--channel", options->channel,
-                   "Title or number of the channel (default: the first that holds heights, in m)")
+                   "Title or number of the channel (default: the first in m that is a height, Z, topography "
+                   "or sensor by "
+                   "its title, or the only one)")
       ->type_name("TITLE|NUMBER");
   command->add_option("--level", options->level, "plane: subtract the plane that most of the scan lies on")
       ->capture_default_str()
