@@ -1,6 +1,10 @@
 #include "telenano/common/config/program.h"
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -37,10 +41,30 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error, std::vect
   return usage_error(app.get_name(), error.what(), arguments, commands, flags);
 }
 
+/// A write to a pipe that nobody reads fails, and ends no program. A handler, not SIG_IGN, because programs that are
+/// started here do not inherit it.
+void outlive_broken_pipes() {
+  struct sigaction action {};
+  action.sa_handler = [](int) {};
+  action.sa_flags = SA_RESTART;
+  sigaction(SIGPIPE, &action, nullptr);
+}
+
+/// Whoever read standard output wants no more of it, as `| head` does: nothing that has to be told.
+bool reader_has_gone() {
+  pollfd output{STDOUT_FILENO, 0, 0};
+  return std::ferror(stdout) != 0 && ::poll(&output, 1, 0) > 0 && (output.revents & (POLLERR | POLLHUP)) != 0;
+}
+
 }  // namespace
+
+void require_stdout() {
+  if (std::ferror(stdout) != 0) throw RunError("cannot write to standard output");
+}
 
 int run_program(CLI::App& app, int argc, char** argv, const int& exit_code) {
   const std::string name = app.get_name();
+  outlive_broken_pipes();
   app.add_flag_callback(
       "--completion",
       [&app] {
@@ -50,6 +74,8 @@ int run_program(CLI::App& app, int argc, char** argv, const int& exit_code) {
       "Print a bash completion script");
   try {
     app.parse(argc, argv);
+    std::fflush(stdout);
+    require_stdout();
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
@@ -59,11 +85,7 @@ int run_program(CLI::App& app, int argc, char** argv, const int& exit_code) {
     std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
     return 2;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
-    return 1;
-  }
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    std::fprintf(stderr, "%s: cannot write to standard output\n", name.c_str());
+    if (!reader_has_gone()) std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
     return 1;
   }
   return exit_code;

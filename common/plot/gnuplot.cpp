@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -24,18 +23,6 @@ set style fill solid 0.5 noborder
 set bmargin 0
 set tmargin 0
 )";
-
-/// A gnuplot that ends before it has read everything is a failure told in one line, not our end.
-class IgnoreBrokenPipe {
- public:
-  IgnoreBrokenPipe() : before_(std::signal(SIGPIPE, SIG_IGN)) {}
-  ~IgnoreBrokenPipe() { std::signal(SIGPIPE, before_); }
-  IgnoreBrokenPipe(const IgnoreBrokenPipe&) = delete;
-  IgnoreBrokenPipe& operator=(const IgnoreBrokenPipe&) = delete;
-
- private:
-  void (*before_)(int);
-};
 
 }  // namespace
 
@@ -68,7 +55,6 @@ void require_drawable(const std::string& file, const std::string& flag) {
 }
 
 void draw(const std::string& file, int width, int height, const std::string& script) {
-  const IgnoreBrokenPipe guard;
   std::FILE* pipe = popen("gnuplot >/dev/null 2>&1", "w");
   if (pipe == nullptr) throw RunError(file + ": gnuplot cannot be started");
   const std::string whole = fmt::format(

@@ -128,6 +128,12 @@ void ChildProcess::signal(int number) const {
   if (pid_ > 0) ::kill(pid_, number);
 }
 
+void ChildProcess::hang_up(int fd) {
+  int& end = fd == STDOUT_FILENO ? out_fd_ : err_fd_;
+  if (end >= 0) ::close(end);
+  end = -1;
+}
+
 Finished run_program(const std::vector<std::string>& command, const ChildOptions& options,
                      std::chrono::milliseconds timeout) {
   ChildProcess child(command, options);

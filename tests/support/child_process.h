@@ -33,6 +33,8 @@ class ChildProcess {
   /// True as soon as standard error holds `text`; false when the time is up or the program ends without it.
   bool wait_for_err(const std::string& text, std::chrono::milliseconds timeout);
   void signal(int number) const;
+  /// Nobody reads its STDOUT_FILENO or STDERR_FILENO any more.
+  void hang_up(int fd);
   pid_t pid() const noexcept { return pid_; }
 
   bool running();

@@ -437,6 +437,15 @@ TEST_F(ImportTest, AChildThatMisbehavesIsOneLine) {
   }
 }
 
+// A write to a pipe that nobody reads ends no program of ours; another's decides for itself.
+TEST_F(ImportTest, AChildHearsOfABrokenPipe) {
+  program("gwyddion", "grep SigIgn /proc/self/status >'" + path("ignored") + "'\nexit 1\n");
+  import({write("scan.spm", "anything")}, path("bin") + ":/usr/bin:/bin");
+  const std::string ignored = file_text(path("ignored"));
+  ASSERT_TRUE(ignored.starts_with("SigIgn:")) << ignored;
+  EXPECT_EQ(std::strtoull(ignored.c_str() + 7, nullptr, 16) >> (SIGPIPE - 1) & 1, 0u) << ignored;
+}
+
 TEST_F(ImportTest, AnEndFromOutsideLeavesNothingBehind) {
   program("gwyddion", "echo started >'" + path("started") + "'; exec sleep 1000\n");
   ChildProcess child({"/usr/bin/env", "PATH=" + path("bin") + ":/usr/bin:/bin", "TMPDIR=" + folder_.string(),

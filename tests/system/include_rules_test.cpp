@@ -275,4 +275,21 @@ TEST(IncludeRules, SessionCodeUsesNoElementaryFunctionThatDependsOnTheMachine) {
   }
 }
 
+// fmt::print throws where a disk is full, which would end a session in its loop or a thread of it.
+TEST(IncludeRules, ProgramsPrintWithoutThrowing) {
+  for (const auto* tree : {"common", "master", "nve_server"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(kRoot / tree)) {
+      const auto extension = entry.path().extension();
+      if (extension != ".h" && extension != ".cpp") continue;
+      std::ifstream in(entry.path());
+      int number = 0;
+      for (std::string line; std::getline(in, line);) {
+        ++number;
+        EXPECT_EQ(line.find("fmt::print("), std::string::npos)
+            << entry.path() << ":" << number << ": config::print does not throw";
+      }
+    }
+  }
+}
+
 }  // namespace

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/master/app/devices/calibration.h"
 #include "telenano/master/app/devices/dynamics_text.h"
@@ -64,7 +65,7 @@ class Handle {
       if (reading.status != device::DeviceStatus::kHoming) seen(reading.hand_pos_h_m);
       if (!enter_pressed(1)) continue;
       if (reading.status != device::DeviceStatus::kHoming) return reading.hand_pos_h_m;
-      fmt::print(stderr, "{}\n", kNotCalibratedYet);
+      config::print(stderr, "{}\n", kNotCalibratedYet);
     }
   }
   Vec3 until_enter() {
@@ -79,15 +80,15 @@ class Handle {
 
 std::string ask_push(Handle& handle, const char* direction, double shortest_m) {
   for (int attempt = 0; attempt < kTries; ++attempt) {
-    fmt::print(stderr, "Hold the handle still near the middle, then press Enter.\n");
+    config::print(stderr, "Hold the handle still near the middle, then press Enter.\n");
     const Vec3 from_d_m = handle.until_enter();
-    fmt::print(stderr, "Push it {} and hold it there, then press Enter.\n", direction);
+    config::print(stderr, "Push it {} and hold it there, then press Enter.\n", direction);
     const Push push = judge_push(handle.until_enter() - from_d_m, shortest_m);
     if (push.problem.empty()) {
-      fmt::print(stderr, "That is the device's {}.\n", push.axis);
+      config::print(stderr, "That is the device's {}.\n", push.axis);
       return push.axis;
     }
-    fmt::print(stderr, "Again, please: {}.\n", push.problem);
+    config::print(stderr, "Again, please: {}.\n", push.problem);
   }
   throw RunError("calibrate: five pushes had no clear direction; nothing was written");
 }
@@ -95,7 +96,7 @@ std::string ask_push(Handle& handle, const char* direction, double shortest_m) {
 /// `use`: what to do with the file.
 void write_result(const std::string& text, const std::string& path, const std::string& use) {
   if (path.empty()) {
-    fmt::print("{}", text);
+    config::print(stdout, "{}", text);
     return;
   }
   if (std::filesystem::exists(path))
@@ -104,7 +105,7 @@ void write_result(const std::string& text, const std::string& path, const std::s
   file << text;
   file.close();
   if (!file) throw RunError(path + ": cannot be written");
-  fmt::print(stderr, "written to {}; {}\n", path, use);
+  config::print(stderr, "written to {}; {}\n", path, use);
 }
 
 SessionDevice simulated_device(const CalibrateOptions& options, const StationFile& file) {
@@ -135,11 +136,11 @@ void calibrate_dynamics(const CalibrateOptions& options) {
   config.seconds_per_axis = options.seconds;
   SessionDevice opened =
       sim ? simulated_device(options, file) : open_session_device(spec, file.device, options.home, nullptr);
-  fmt::print(stderr, "device: {}\n", opened.description);
-  for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  config::print(stderr, "device: {}\n", opened.description);
+  for (const std::string& note : opened.notes) config::print(stderr, "note: {}\n", note);
   config.force_max_n = std::min(config.force_max_n, opened.device->info().force_max_n);
   if (!sim) {
-    fmt::print(
+    config::print(
         stderr,
         "The handle will move by itself for {:.0f} s, up to 3 cm each way, with at most {:g} N an axis.\n"
         "Put it near the middle of its range, let go of it, keep hands off until the end, press Enter.\n",
@@ -149,12 +150,12 @@ void calibrate_dynamics(const CalibrateOptions& options) {
   const DeviceDynamics axes = measure_dynamics(
       *opened.device, opened.calls, config,
       sim ? std::function<bool()>() : [] { return enter_pressed(kWait_ms); });
-  fmt::print(stderr, "{}", dynamics_table(axes));
+  config::print(stderr, "{}", dynamics_table(axes));
   const double certain_n_s_m = certain_damping_n_s_m(axes);
   if (certain_n_s_m > 0) {
-    fmt::print(stderr, "damping, lower bound: {:.3g} N s/m\n", certain_n_s_m);
+    config::print(stderr, "damping, lower bound: {:.3g} N s/m\n", certain_n_s_m);
   } else {
-    fmt::print(stderr, "the lower bound of the damping is 0: measure again with a larger --seconds\n");
+    config::print(stderr, "the lower bound of the damping is 0: measure again with a larger --seconds\n");
   }
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   write_result(dynamics_toml(options.device, axes, config.seconds_per_axis,
@@ -176,9 +177,9 @@ void calibrate_axes(const CalibrateOptions& options) {
   file.device.axes = device::AxisMap{};
   file.device.centre_m = Vec3::Zero();
   SessionDevice opened = open_session_device(spec, file.device, options.home, nullptr);
-  fmt::print(stderr, "device: {}\n", opened.description);
-  for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
-  if (!omega) fmt::print(stderr, "Keep its deadman button pressed while you push.\n");
+  config::print(stderr, "device: {}\n", opened.description);
+  for (const std::string& note : opened.notes) config::print(stderr, "note: {}\n", note);
+  if (!omega) config::print(stderr, "Keep its deadman button pressed while you push.\n");
   Handle handle(opened);
   const double shortest_m = omega ? 0.02 : 0.005;
   std::array<std::string, 3> names;
@@ -187,9 +188,9 @@ void calibrate_axes(const CalibrateOptions& options) {
   const device::AxisMap axes = device::AxisMap::parse(names, "calibrate: the three pushes");
   ReachedBox box;
   if (omega) {
-    fmt::print(stderr,
-               "Move the handle to the ends of its range, left and right, near and far, down and up, then "
-               "press Enter.\n");
+    config::print(stderr,
+                  "Move the handle to the ends of its range, left and right, near and far, down and up, then "
+                  "press Enter.\n");
     handle.until_enter([&](const Vec3& pos_d_m) { box.add(pos_d_m); });
     if (box.half_m() < 0.005)
       throw RunError(fmt::format("calibrate: the handle was moved by only {:.1f} mm; nothing was written",

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <utility>
 
+#include "telenano/common/config/print.h"
 #include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::app {
@@ -63,10 +64,11 @@ void DeviceMonitor::look_at_force() {
 
 void end_without_loop(const device::CallWatch* calls) {
   const device::CallWatch::Look look = calls != nullptr ? calls->look() : device::CallWatch::Look{};
-  fmt::print(stderr,
-             "telenano-master: the loop does not return{}{}; ended without it; the device's own watchdog has "
-             "switched the force off\n",
-             look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
+  config::print(
+      stderr,
+      "telenano-master: the loop does not return{}{}; ended without it; the device's own watchdog has "
+      "switched the force off\n",
+      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
   std::fflush(nullptr);
   std::_Exit(1);
 }

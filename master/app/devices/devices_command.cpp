@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/devices/found_devices.h"
 
 namespace telenano::app {
@@ -22,14 +23,14 @@ std::string csv(const std::string& text) {
 
 void list() {
   const std::vector<device::FoundDevice> all = find_devices();
-  fmt::print("backend,name,serial,node,usable,why\n");
+  config::print(stdout, "backend,name,serial,node,usable,why\n");
   for (const auto& one : all) {
-    fmt::print("{},{},{},{},{},{}\n", one.backend, csv(one.name), csv(one.serial), csv(one.node),
-               one.usable ? "yes" : "no", csv(one.why));
+    config::print(stdout, "{},{},{},{},{},{}\n", one.backend, csv(one.name), csv(one.serial), csv(one.node),
+                  one.usable ? "yes" : "no", csv(one.why));
   }
   std::fflush(stdout);
   for (const auto& one : all) {
-    if (!one.why.empty()) fmt::print(stderr, "{}: {}\n", one.backend, one.why);
+    if (!one.why.empty()) config::print(stderr, "{}: {}\n", one.backend, one.why);
   }
 }
 

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/rt/periodic_timer.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
@@ -38,9 +39,9 @@ class ProgressLine {
     if (now == shown_) return;
     shown_ = now;
     if (terminal_) {
-      fmt::print(stderr, "\rmeasuring: {} %{}", now, now == 100 ? "\n" : " ");
+      config::print(stderr, "\rmeasuring: {} %{}", now, now == 100 ? "\n" : " ");
     } else {
-      fmt::print(stderr, "measuring: {} %\n", now);
+      config::print(stderr, "measuring: {} %\n", now);
     }
   }
 
@@ -159,7 +160,7 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
       monitor.emplace(
           MonitoredLoop{[&loop] { return loop.ticks(); }, [] { return device::ForceOffCause::kNone; }, calls},
           [&progress](const std::string& text) {
-            fmt::print(stderr, "{}telenano-master: warning: {}\n", progress.line_end(), text);
+            config::print(stderr, "{}telenano-master: warning: {}\n", progress.line_end(), text);
           });
     }
     const auto give_up_if_stuck = [&] {
@@ -170,7 +171,7 @@ DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::Call
       if (loop.status() == device::DeviceStatus::kFailed) break;  // said at once, not after Enter
       if (!is_ready()) continue;
       if (loop.status() != device::DeviceStatus::kHoming) break;
-      fmt::print(stderr, "{}\n", kNotCalibratedYet);
+      config::print(stderr, "{}\n", kNotCalibratedYet);
     }
     loop.begin();
     while (!loop.over()) {

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/control/method_choice.h"
 #include "telenano/common/link/client_session.h"
 #include "telenano/common/net/udp.h"
@@ -216,9 +217,11 @@ void print_table(const StationFile& file, const Far& far, const control::Scaling
                  const control::ScalingPlan& plan, const control::ScalingPlan& at_p99,
                  const control::ScalingPlanInput& in_p99) {
   const auto row = [](const char* key, double value, const char* unit) {
-    fmt::print("{},{:.15g},{}\n", key, value, unit);
+    config::print(stdout, "{},{:.15g},{}\n", key, value, unit);
   };
-  const auto word = [](const char* key, const std::string& value) { fmt::print("{},{},\n", key, value); };
+  const auto word = [](const char* key, const std::string& value) {
+    config::print(stdout, "{},{},\n", key, value);
+  };
   std::puts("key,value,unit");
   word("method", std::string(control::method_name(in.method)));
   for (std::size_t i = 0; i < far.scenes.size(); ++i)
@@ -265,24 +268,24 @@ double felt_n(double tip_nn, const control::ScalingPlan& plan) {
 }
 
 void print_felt(const StationFile& file, const Far& far, const control::ScalingPlan& plan) {
-  fmt::print("scene,{},\n", far.slave.scene_name);
-  fmt::print("felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
+  config::print(stdout, "scene,{},\n", far.slave.scene_name);
+  config::print(stdout, "felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
   if (!far.touch) {
-    fmt::print("felt,unknown,\nfelt_unknown_because,{},\n", far.no_touch);
+    config::print(stdout, "felt,unknown,\nfelt_unknown_because,{},\n", far.no_touch);
     fmt::print(stderr, "felt: not known, {}\n", far.no_touch);
     return;
   }
-  fmt::print("felt,{},\n", far.touch->touched ? "touch" : "no_touch");
-  fmt::print("press_depth,{:.15g},nm\n", file.task.depth_nm);
-  fmt::print("press_force,{:.15g},nN\n", far.touch->push_nn);
-  fmt::print("felt_press,{:.15g},N\n", felt_n(far.touch->push_nn, plan));
-  fmt::print("pull_off_force,{:.15g},nN\n", far.touch->pull_off_nn);
-  fmt::print("felt_pull_off,{:.15g},N\n", felt_n(far.touch->pull_off_nn, plan));
-  fmt::print(stderr,
-             "felt: {:.3g} N for a nanonewton at the tip; pressed {:g} nm by a stiff hand {:.2g} N "
-             "({:.3g} nN), pull-off {:.2g} N ({:.3g} nN)\n",
-             1e-9 * plan.scaling.force, file.task.depth_nm, felt_n(far.touch->push_nn, plan),
-             far.touch->push_nn, felt_n(far.touch->pull_off_nn, plan), far.touch->pull_off_nn);
+  config::print(stdout, "felt,{},\n", far.touch->touched ? "touch" : "no_touch");
+  config::print(stdout, "press_depth,{:.15g},nm\n", file.task.depth_nm);
+  config::print(stdout, "press_force,{:.15g},nN\n", far.touch->push_nn);
+  config::print(stdout, "felt_press,{:.15g},N\n", felt_n(far.touch->push_nn, plan));
+  config::print(stdout, "pull_off_force,{:.15g},nN\n", far.touch->pull_off_nn);
+  config::print(stdout, "felt_pull_off,{:.15g},N\n", felt_n(far.touch->pull_off_nn, plan));
+  config::print(stderr,
+                "felt: {:.3g} N for a nanonewton at the tip; pressed {:g} nm by a stiff hand {:.2g} N "
+                "({:.3g} nN), pull-off {:.2g} N ({:.3g} nN)\n",
+                1e-9 * plan.scaling.force, file.task.depth_nm, felt_n(far.touch->push_nn, plan),
+                far.touch->push_nn, felt_n(far.touch->pull_off_nn, plan), far.touch->pull_off_nn);
 }
 
 /// What a hand can tell of the attraction before contact, with and without companding.
@@ -293,7 +296,7 @@ void print_far(const StationFile& file, const Far& far, const control::ScalingPl
   const Noticed plain = noticed(far.touch->way_in, n_per_nn, false);
   const Noticed shown = noticed(far.touch->way_in, n_per_nn, true);
   const auto row = [](const char* key, double value, const char* unit) {
-    fmt::print("{},{:.15g},{}\n", key, value, unit);
+    config::print(stdout, "{},{:.15g},{}\n", key, value, unit);
   };
   row("felt_far", plain.most_n, "N");
   row("felt_far_from", plain.from_nm, "nm");
@@ -304,7 +307,7 @@ void print_far(const StationFile& file, const Far& far, const control::ScalingPl
   row("companded_far_from", shown.from_nm, "nm");
   row("companded_far_differences", shown.differences, "1");
   row("companding_energy", 1e3 * plan.scaling.hand_energy_j(companding.most_aj()), "mJ");
-  fmt::print(
+  config::print(
       stderr,
       "before contact: attraction up to {:.2g} N, noticed from {:.3g} nm, {:.0f} just noticeable "
       "differences; companded {:g} times: {:.2g} N, {:.3g} nm, {:.0f}; the stiffness that pushes back is "
@@ -320,62 +323,63 @@ std::string samples(double count) {
 void print_text(const StationFile& file, const device::DeviceInfo& device, const Far& far,
                 const control::ScalingPlanInput& in, const control::ScalingPlan& plan,
                 const control::ScalingPlan& at_p99, const control::ScalingPlanInput& in_p99) {
-  fmt::print(stderr, "plan for '{}': device {}, {:g} Hz, method {}; round trip {:.3g} ms ({}), {}\n",
-             far.slave.scene_name, device.name, file.station.rate_hz, control::method_name(in.method),
-             1e3 * far.link.median_s,
-             far.link.sent > 0 ? fmt::format("median of {} of {} answered, p99 {:.3g} ms", far.link.answered,
-                                             far.link.sent, 1e3 * far.link.p99_s)
-                               : "given",
-             samples(in.plant.delay_samples));
-  fmt::print(stderr, "{}\n", damping_text(file, device));
-  fmt::print(
+  config::print(stderr, "plan for '{}': device {}, {:g} Hz, method {}; round trip {:.3g} ms ({}), {}\n",
+                far.slave.scene_name, device.name, file.station.rate_hz, control::method_name(in.method),
+                1e3 * far.link.median_s,
+                far.link.sent > 0 ? fmt::format("median of {} of {} answered, p99 {:.3g} ms",
+                                                far.link.answered, far.link.sent, 1e3 * far.link.p99_s)
+                                  : "given",
+                samples(in.plant.delay_samples));
+  config::print(stderr, "{}\n", damping_text(file, device));
+  config::print(
       stderr,
       "velocity scale: {:.4g} mm at the hand, {:.4g} mm in the picture, {:.4g} nm at the tip: 1/(k k') = "
       "1/({:.4g} x {:.4g}) = {:.4g}\n",
       1e3 * in.haptic_workspace_m, 1e3 * in.visual_workspace_m, in.nano_workspace_nm, plan.haptic_to_visual,
       plan.visual_to_nano, plan.scaling.velocity);
-  fmt::print(stderr, "force scale: up to {:.4g} passively ({} for {}), up to {:.4g} by the device's force",
-             plan.passive_force_scale, samples(plan.binding_delay_samples), control::method_name(in.method),
-             plan.device_force_scale);
+  config::print(stderr, "force scale: up to {:.4g} passively ({} for {}), up to {:.4g} by the device's force",
+                plan.passive_force_scale, samples(plan.binding_delay_samples),
+                control::method_name(in.method), plan.device_force_scale);
   if (plan.sampled_force_scale > 0) {
-    fmt::print(stderr, "; as published (Llewellyn) {:.4g}, {:.3g} times what is exact without delay",
-               plan.published_force_scale, plan.published_force_scale / plan.sampled_force_scale);
+    config::print(stderr, "; as published (Llewellyn) {:.4g}, {:.3g} times what is exact without delay",
+                  plan.published_force_scale, plan.published_force_scale / plan.sampled_force_scale);
   }
-  fmt::print(stderr, "\n");
+  config::print(stderr, "\n");
   const auto told = [](bool safe) { return safe ? "within the region" : "beyond the region"; };
-  fmt::print(stderr, "Kim and Sitti's case I, 1/alpha_v = {:.4g}: {}; case II, 1/alpha_v^2 = {:.4g}: {}\n",
-             plan.case_one_force_scale, told(plan.case_one_safe), plan.case_two_force_scale,
-             told(plan.case_two_safe));
-  fmt::print(stderr, "Z-width: this device shows a pure spring of {:.4g} N/m passively, {:.4g} N/m with {}\n",
-             plan.passive_wall_n_m, plan.delayed_wall_n_m, samples(in.plant.delay_samples));
+  config::print(stderr, "Kim and Sitti's case I, 1/alpha_v = {:.4g}: {}; case II, 1/alpha_v^2 = {:.4g}: {}\n",
+                plan.case_one_force_scale, told(plan.case_one_safe), plan.case_two_force_scale,
+                told(plan.case_two_safe));
+  config::print(stderr,
+                "Z-width: this device shows a pure spring of {:.4g} N/m passively, {:.4g} N/m with {}\n",
+                plan.passive_wall_n_m, plan.delayed_wall_n_m, samples(in.plant.delay_samples));
   if (in_p99.plant.delay_samples > in.plant.delay_samples) {
-    fmt::print(stderr,
-               "note: one answer in a hundred takes {}; were it all of them, the loop alone would be "
-               "passive up to {:.4g}\n",
-               samples(in_p99.plant.delay_samples), at_p99.delayed_force_scale);
+    config::print(stderr,
+                  "note: one answer in a hundred takes {}; were it all of them, the loop alone would be "
+                  "passive up to {:.4g}\n",
+                  samples(in_p99.plant.delay_samples), at_p99.delayed_force_scale);
   }
   const std::string reason = control::plan_reason(in, plan);
   if (plan.binding == control::BindingLimit::kNothing) {
-    fmt::print(stderr, "recommended: nothing; {}\n", reason);
+    config::print(stderr, "recommended: nothing; {}\n", reason);
   } else {
-    fmt::print(stderr,
-               "recommended: --velocity-scale {:.4g} --force-scale {}, which shows {:.4g} N/m and at most "
-               "{:.3g} N; {}\n",
-               plan.scaling.velocity, fmt::format("{:.4g}", plan.scaling.force * (1 - 5e-4)),
-               plan.shown_stiffness_n_m, plan.felt_force_max_n, reason);
+    config::print(stderr,
+                  "recommended: --velocity-scale {:.4g} --force-scale {}, which shows {:.4g} N/m and at most "
+                  "{:.3g} N; {}\n",
+                  plan.scaling.velocity, fmt::format("{:.4g}", plan.scaling.force * (1 - 5e-4)),
+                  plan.shown_stiffness_n_m, plan.felt_force_max_n, reason);
     station::StationConfig recommended = file.station;
     recommended.scaling = plan.scaling;
     const auto check =
         station::check_scaling(recommended, device, slave_port(far.slave), in.plant.delay_samples);
-    if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
+    if (!check.note.empty()) config::print(stderr, "note: {}\n", check.note);
   }
   if (!file.scaling.velocity && !file.scaling.force) return;
   station::StationConfig asked = file.station;
   if (!file.scaling.velocity) asked.scaling.velocity = plan.scaling.velocity;
   if (!file.scaling.force) asked.scaling.force = plan.scaling.force;
   const auto check = station::check_scaling(asked, device, slave_port(far.slave), in.plant.delay_samples);
-  fmt::print(stderr, "as the station file has it: {}{}{}\n", check.text, check.safe ? "" : "; ",
-             check.advice);
+  config::print(stderr, "as the station file has it: {}{}{}\n", check.text, check.safe ? "" : "; ",
+                check.advice);
 }
 
 void plan(const PlanOptions& options) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/program.h"
 #include "telenano/common/recording/curve_segments.h"
 #include "telenano/common/recording/recording_reader.h"
 
@@ -104,6 +105,7 @@ void export_samples(const RecordingReader& reader, const ExportOptions& options)
   for (std::size_t begin = 0; begin < reader.rows(); begin += block.size()) {
     const std::span<Sample> rows(block.data(), std::min(block.size(), reader.rows() - begin));
     reader.read_samples(begin, rows);
+    config::require_stdout();
     for (const Sample& row : rows) {
       if (!within(options, row.time_s) || count++ % options.every != 0) continue;
       first = true;

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/access_flags.h"
 #include "telenano/master/app/devices/device_kinds.h"
 #include "telenano/master/app/run/next_run.h"
@@ -147,7 +148,7 @@ int run_sessions(const RunOptions& options) {
     exit_code = run_session(options, next);
   } catch (const RunError& error) {
     if (!next || !next->asked()) throw;
-    fmt::print(stderr, "telenano-master: {}\n", error.what());
+    config::print(stderr, "telenano-master: {}\n", error.what());
   }
   if (next && next->asked()) throw RunError(next->begin());
   return exit_code;

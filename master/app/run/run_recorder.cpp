@@ -8,6 +8,7 @@
 
 #include "telenano/common/base/base64.h"
 #include "telenano/common/base/version.h"
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/plan/station_plan.h"
 #include "telenano/master/app/run/run_text.h"
 #include "telenano/master/app/scene_files.h"
@@ -75,7 +76,8 @@ std::unique_ptr<recording::Recorder> make_recorder(
   recorder_options.newest_marks = std::move(marks);
   recorder_options.on_failure = [new_line =
                                      isatty(STDERR_FILENO) != 0 && !options.quiet](const std::string& text) {
-    fmt::print(stderr, "{}telenano-master: warning: {}; the session goes on\n", new_line ? "\n" : "", text);
+    config::print(stderr, "{}telenano-master: warning: {}; the session goes on\n", new_line ? "\n" : "",
+                  text);
   };
   return std::make_unique<recording::Recorder>(recorder_options, about);
 }

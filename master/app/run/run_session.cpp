@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "telenano/common/config/print.h"
 #include "telenano/common/link/client_session.h"
 #include "telenano/common/net/udp.h"
 #include "telenano/master/app/devices/session_device.h"
@@ -46,18 +47,18 @@ scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
 }
 
 void tell_device(const SessionDevice& device) {
-  fmt::print(stderr, "device: {}\n", device.description);
-  for (const std::string& note : device.notes) fmt::print(stderr, "note: {}\n", note);
+  config::print(stderr, "device: {}\n", device.description);
+  for (const std::string& note : device.notes) config::print(stderr, "note: {}\n", note);
 }
 
 /// How datagrams are marked, and the link that is practised on.
 void set_up_link(connection::ServerList& servers, const RunOptions& options, int dscp) {
   if (dscp != 0 && !servers.set_dscp(dscp))
-    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
+    config::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
   if (!options.practice) return;
   servers.practise(*options.practice);
   const std::string text = link::practice_text(*options.practice);
-  if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
+  if (!options.quiet && !text.empty()) config::print(stderr, "practice link: {}\n", text);
 }
 
 /// Twins of the scene that was named, if there was one, and what is wished for from the server.
@@ -108,8 +109,8 @@ std::vector<SceneChoice> to_wanted_scene(const RunOptions& options, link::Client
   const net::Address server = servers.address();
   std::vector<SceneChoice> scenes = list_scenes(session, way, server, pipe, stop);
   if (!scenes.empty() && !options.quiet)
-    fmt::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
-               names_of(scenes));
+    config::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
+                  names_of(scenes));
   if (!options.server_scene.empty())
     choose_scene(session, way, server, pipe, options.server_scene, scenes, stop);
   return scenes;
@@ -142,7 +143,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   std::optional<connection::Farewell> farewell;
   connection::connect_to_any(opened_session, client_config, servers, file.station.rate_hz, stop,
                              [&](const std::string& why) {
-                               if (!options.quiet) fmt::print(stderr, "note: {}\n", why);
+                               if (!options.quiet) config::print(stderr, "note: {}\n", why);
                              });
   // Until the loop begins the session is this server's.
   farewell.emplace(*opened_session, servers.link().datagram(), servers.address());

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <set>
 
+#include "telenano/common/config/print.h"
 #include "telenano/common/link/fault_names.h"
 #include "telenano/master/station/station.h"
 
@@ -49,10 +50,10 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
     line += "  beyond this session's share of the server: the tip lags";
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
-    fmt::print(stderr, "\r{:<190}", line);
+    config::print(stderr, "\r{:<190}", line);
     std::fflush(stderr);
   } else {
-    fmt::print(stderr, "{}\n", line);
+    config::print(stderr, "{}\n", line);
   }
 }
 
@@ -74,32 +75,32 @@ static const char* why_no_twin(station::TwinEnd end) noexcept {
 void print_changes(const Progress& before, const Progress& now, bool terminal) {
   const char* const end_of_line = terminal ? "\n" : "";
   if (before.twin != now.twin && now.twin == station::TwinState::kGivenUp) {
-    fmt::print(stderr, "{}note: {}: no twin from now on, method model\n", end_of_line,
-               why_no_twin(now.twin_end));
+    config::print(stderr, "{}note: {}: no twin from now on, method model\n", end_of_line,
+                  why_no_twin(now.twin_end));
   }
   if (before.observes != now.observes) {
-    fmt::print(stderr, "{}{}\n", end_of_line,
-               now.observes ? "another session holds the tip, or none: observing, the force is zero"
-                            : "the tip is this session's");
+    config::print(stderr, "{}{}\n", end_of_line,
+                  now.observes ? "another session holds the tip, or none: observing, the force is zero"
+                               : "the tip is this session's");
   }
   if (before.tip_up != now.tip_up) {
-    fmt::print(stderr, "{}{}\n", end_of_line,
-               now.tip_up ? "the slave has withdrawn the tip: the force is zero until it is back"
-                          : "the tip is back: it follows from where it is");
+    config::print(stderr, "{}{}\n", end_of_line,
+                  now.tip_up ? "the slave has withdrawn the tip: the force is zero until it is back"
+                             : "the tip is back: it follows from where it is");
   }
   constexpr std::uint32_t kOld = station::kFaultOld;
   if (((before.station_faults ^ now.station_faults) & kOld) != 0) {
-    fmt::print(stderr, "{}{}\n", end_of_line,
-               (now.station_faults & kOld) != 0
-                   ? "the round trip is too long for this method: the force fades, the tip holds"
-                   : "the round trip is short enough again: the force comes back");
+    config::print(stderr, "{}{}\n", end_of_line,
+                  (now.station_faults & kOld) != 0
+                      ? "the round trip is too long for this method: the force fades, the tip holds"
+                      : "the round trip is short enough again: the force comes back");
   }
   if (before.ticks > 0 && before.method != now.method && now.chooses_method) {
-    fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
-               control::method_name(now.method), 1e-3 * now.link.rtt_us);
+    config::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
+                  control::method_name(now.method), 1e-3 * now.link.rtt_us);
   }
   if (before.twin_left != now.twin_left) {
-    fmt::print(
+    config::print(
         stderr,
         "{}the stiffness was planned for the twin, which is not felt any more: the force fades, and comes "
         "back with force scale {:.4g}\n",
@@ -107,14 +108,15 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
   }
   if (before.planned_delay_s > 0 && now.planned_delay_s > 0 &&
       before.planned_delay_s != now.planned_delay_s) {
-    fmt::print(stderr,
-               "{}force scale {:.4g} from now on, planned for {:.4g} ms from hand to force: the round trip "
-               "is {:.1f} ms\n",
-               end_of_line, now.force_scale, 1e3 * now.planned_delay_s, 1e-3 * now.link.rtt_us);
+    config::print(
+        stderr,
+        "{}force scale {:.4g} from now on, planned for {:.4g} ms from hand to force: the round trip "
+        "is {:.1f} ms\n",
+        end_of_line, now.force_scale, 1e3 * now.planned_delay_s, 1e-3 * now.link.rtt_us);
   }
   if (!before.shutting_down && now.shutting_down) {
-    fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
-               end_of_line);
+    config::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
+                  end_of_line);
   }
 }
 
@@ -124,22 +126,22 @@ void print_server(const Progress& before, const Progress& now, const ServerNames
   };
   const char* const end_of_line = terminal ? "\n" : "";
   if (now.servers_left != before.servers_left) {
-    fmt::print(stderr, "{}the session with the server at {} is lost: {}; going on to {}, the force is zero\n",
-               end_of_line, name(now.servers_left - 1), connection::text(now.left_because),
-               name(now.servers_left));
+    config::print(
+        stderr, "{}the session with the server at {} is lost: {}; going on to {}, the force is zero\n",
+        end_of_line, name(now.servers_left - 1), connection::text(now.left_because), name(now.servers_left));
   }
   if (now.servers_left > 0 && now.sessions != before.sessions)
-    fmt::print(stderr, "{}the server at {} has taken the session\n", end_of_line, name(now.servers_left));
+    config::print(stderr, "{}the server at {} has taken the session\n", end_of_line, name(now.servers_left));
 }
 
 void print_sending(const Progress& last) {
-  fmt::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
-             "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,
-             last.send_lowered);
+  config::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
+                "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,
+                last.send_lowered);
   if (last.link.replies_left_out > 0)
-    fmt::print(stderr, "  {:<36} {} of {}, their force within the deadband\n", "replies left out",
-               last.link.replies_left_out,
-               last.link.replies_left_out + last.link.replies + last.link.replies_lost);
+    config::print(stderr, "  {:<36} {} of {}, their force within the deadband\n", "replies left out",
+                  last.link.replies_left_out,
+                  last.link.replies_left_out + last.link.replies + last.link.replies_lost);
 }
 
 std::string slave_fault_names() {
@@ -175,10 +177,10 @@ void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& tim
   summary.slave_fault_names = slave_fault_names();
   summary.station_fault_names = station_fault_names();
   if (recorder != nullptr) summary.rows_dropped = recorder->rows_dropped();
-  fmt::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
+  config::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
   if (recorder == nullptr) return;
-  fmt::print(stderr, "  {:<36} {}: {} rows{}{}\n", "recording", path, recorder->rows_written(),
-             recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
+  config::print(stderr, "  {:<36} {}: {} rows{}{}\n", "recording", path, recorder->rows_written(),
+                recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
 }
 
 }  // namespace telenano::app

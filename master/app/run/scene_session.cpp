@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/control/method_choice.h"
 #include "telenano/master/app/plan/station_plan.h"
 #include "telenano/master/app/run/run_metrics.h"
@@ -88,9 +89,9 @@ void SceneSession::tell_welcome() {
   if (parts_.wants_twin && parts_.twins.empty()) file_.station.method = control::Method::kModel;
   welcome_ = session().welcome();
   if (!options_.quiet && parts_.last_run) {
-    fmt::print(stderr, "{}\n",
-               parts_.resumed ? "resuming the session of the last run"
-                              : "the session of the last run is gone; this is a new one");
+    config::print(stderr, "{}\n",
+                  parts_.resumed ? "resuming the session of the last run"
+                                 : "the session of the last run is gone; this is a new one");
   }
   parts_.session_file.keep(welcome_.resume_token);
   wish_ = tip_wish(options_, parts_.servers.name(), (welcome_.feature_bits & link::kFeatureSharing) != 0);
@@ -196,7 +197,8 @@ void SceneSession::export_metrics() {
   if (options_.metrics.empty()) return;
   exporter_.emplace(options_.metrics, options_.metrics_public,
                     [this](metrics::Page& page) { write_metrics(live_->progress(), page); });
-  if (!options_.quiet && parts_.scene_before.empty()) fmt::print(stderr, "metrics at {}\n", exporter_->url());
+  if (!options_.quiet && parts_.scene_before.empty())
+    config::print(stderr, "metrics at {}\n", exporter_->url());
   parts_.metrics = address_of(exporter_->url());
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/failure_text.h"
 #include "telenano/master/app/recordings/free_recording.h"
 #include "telenano/master/app/run/scene_session.h"
@@ -69,8 +70,8 @@ std::string SceneSession::watch(rt::RealtimeThread& thread) {
   const DeviceMonitor monitor({[this] { return live_->finished() ? 0 : live_->ticks(); },
                                [this] { return live_->progress().force_off; }, opened().calls},
                               [this](const std::string& text) {
-                                fmt::print(stderr, "{}telenano-master: warning: {}\n",
-                                           terminal_ && !options_.quiet ? "\n" : "", text);
+                                config::print(stderr, "{}telenano-master: warning: {}\n",
+                                              terminal_ && !options_.quiet ? "\n" : "", text);
                               });
   shown_ = std::chrono::steady_clock::now();
   std::string frames;
@@ -103,8 +104,8 @@ std::string SceneSession::run_loop() {
   parts_.starter.call(
       [&] { thread.emplace(realtime, [this](const std::stop_token& end) { run_loop_thread(end); }); });
   if (!options_.quiet) {
-    fmt::print(stderr, "loop: {:g} Hz, {}\n", config().rate_hz, thread->report().text);
-    if (!thread->report().advice.empty()) fmt::print(stderr, "{}\n", thread->report().advice);
+    config::print(stderr, "loop: {:g} Hz, {}\n", config().rate_hz, thread->report().text);
+    if (!thread->report().advice.empty()) config::print(stderr, "{}\n", thread->report().advice);
   }
   return watch(*thread);
 }
@@ -117,13 +118,13 @@ std::string SceneSession::failure() {
 /// What follows the loop's end.
 void SceneSession::conclude() {
   if (std::exchange(concluded_, true)) return;
-  if (terminal_ && !options_.quiet) fmt::print(stderr, "\n");
+  if (terminal_ && !options_.quiet) config::print(stderr, "\n");
   if (recorder_) recorder_->close();
-  if (live_->undo_text() != nullptr) fmt::print("{}\n", live_->undo_text());
+  if (live_->undo_text() != nullptr) config::print(stdout, "{}\n", live_->undo_text());
   if (live_->ending() != Ending::kOtherScene)
     parts_.session_file.remove();  // ended by a Bye, one way or the other
   if (!parts_.scene_before.empty() || live_->ending() == Ending::kOtherScene)
-    fmt::print(stderr, "sample '{}'\n", slave_.scene_name);
+    config::print(stderr, "sample '{}'\n", slave_.scene_name);
   print_summary(live_->summary(), live_->timer_stats(), recorder_.get(), recorded_);
   print_sending(live_->progress());
 }
@@ -137,7 +138,7 @@ view_model::SessionEnd SceneSession::session_end() {
   if (options_.close_at_end || options_.duration_s || parts_.stop.load() || (why.empty() && !person))
     return {};
   conclude();
-  if (!why.empty()) fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", why);
+  if (!why.empty()) config::print(stderr, "telenano-master: {}; the window stays until you close it\n", why);
   std::vector<std::string> lines = end_lines(why, live_->summary());
   if (recorder_) lines.push_back(fmt::format("recording {}: {} rows", recorded_, recorder_->rows_written()));
   return {!why.empty(), lines};
@@ -153,13 +154,13 @@ std::optional<int> SceneSession::run() {
                            config().rate_hz);
     });
   conclude();
-  if (!frames.empty() && !options_.quiet) fmt::print(stderr, "{}\n", frames);
+  if (!frames.empty() && !options_.quiet) config::print(stderr, "{}\n", frames);
   if (live_->ending() == Ending::kOtherScene) {
     parts_.scene_before = slave_.scene_name;
     parts_.record = free_recording(recorded_);
     return std::nullopt;
   }
-  if (live_->ending() == Ending::kStopped) fmt::print(stderr, "stopped by the operator\n");
+  if (live_->ending() == Ending::kStopped) config::print(stderr, "stopped by the operator\n");
   if (const std::string why = failure(); !why.empty()) throw RunError(why);
   if (recorder_ && recorder_->failed()) return 1;
   return 0;

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/run/scene_preparation.h"
 #include "telenano/master/app/run/scene_session.h"
 
@@ -29,7 +30,7 @@ std::optional<int> run_at_scene(SessionParts& parts) {
   const LinkDelay link = prepare_scene(parts, options);
   // A person has closed the window: nothing was begun, and the session's Bye goes with `farewell`.
   if (parts.stop && parts.view.has_window()) {
-    fmt::print(stderr, "stopped by the operator\n");
+    config::print(stderr, "stopped by the operator\n");
     return 0;
   }
   SceneSession session(parts, options, link);

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 
 namespace telenano::app {
 namespace {
@@ -50,7 +51,7 @@ void SessionFile::keep(std::uint64_t token) {
   if (file >= 0) ::close(file);
   if (written && std::rename(fresh.c_str(), path_.c_str()) == 0) return;
   if (!std::exchange(warned_, true)) {
-    fmt::print(
+    config::print(
         stderr,
         "telenano-master: warning: --session-file {}: {}; this session cannot be resumed by a new run\n",
         path_, std::strerror(errno));

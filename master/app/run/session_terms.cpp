@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/control/method.h"
 #include "telenano/master/app/plan/station_plan.h"
 #include "telenano/master/app/run/session_twin.h"
@@ -43,45 +44,47 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
              check.text);
   const control::Method used = station::usable_method(method, welcome.feature_bits);
   if (used != method) {
-    fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
-               control::method_name(method), control::method_name(used));
+    config::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
+                  control::method_name(method), control::method_name(used));
   }
   if (const std::string far = too_far_text(file.station, used, link.median_s, welcome); !far.empty())
     fmt::print(stderr, "note: the hand will not engage: {}\n", far);
   if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
   if (device.has_force) fmt::print(stderr, "{}\n", damping_text(file, device));
   if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
-    fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
+    config::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
   if (const double permille = file.kept_reply_deadband_permille.value_or(0); permille > 0) {
     if ((welcome.feature_bits & link::kFeatureStepLog) != 0) {
-      fmt::print(stderr,
-                 "note: a session whose steps are logged has every command answered; running without "
-                 "--reply-deadband\n");
+      config::print(stderr,
+                    "note: a session whose steps are logged has every command answered; running without "
+                    "--reply-deadband\n");
     } else if ((welcome.feature_bits & link::kFeatureReplyDeadband) == 0) {
-      fmt::print(stderr, "note: this server leaves no reply out; running without --reply-deadband\n");
+      config::print(stderr, "note: this server leaves no reply out; running without --reply-deadband\n");
     } else if (records) {
-      fmt::print(stderr,
-                 "note: with --reply-deadband the forces in the recording have steps of up to {:g} %\n",
-                 0.1 * permille);
+      config::print(stderr,
+                    "note: with --reply-deadband the forces in the recording have steps of up to {:g} %\n",
+                    0.1 * permille);
     }
   }
   const double playout_s = playout_delay_s(file);
   if (file.link.playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
-    fmt::print(stderr,
-               "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): replies that "
-               "come later are not felt\n",
-               playout_s * 1e3, link.p99_s * 1e3);
+    config::print(
+        stderr,
+        "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): replies that "
+        "come later are not felt\n",
+        playout_s * 1e3, link.p99_s * 1e3);
   }
-  if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
+  if (!check.note.empty()) config::print(stderr, "note: {}\n", check.note);
   const control::CompandingConfig& companding = file.station.companding;
   if (companding.on() && method == control::Method::kTwin) {
-    fmt::print(stderr,
-               "companding: attraction before contact is up to {:g} times as strong, in tasks {}; the hand "
-               "may get {:.3g} mJ more energy by it\n",
-               companding.gain, file.companding_tasks,
-               1e3 * file.station.scaling.hand_energy_j(companding.most_aj()));
+    config::print(
+        stderr,
+        "companding: attraction before contact is up to {:g} times as strong, in tasks {}; the hand "
+        "may get {:.3g} mJ more energy by it\n",
+        companding.gain, file.companding_tasks,
+        1e3 * file.station.scaling.hand_energy_j(companding.most_aj()));
   } else if (companding.on()) {
-    fmt::print(stderr, "note: companding works only with method twin: forces are shown unchanged\n");
+    config::print(stderr, "note: companding works only with method twin: forces are shown unchanged\n");
   }
 }
 
@@ -93,13 +96,13 @@ std::uint32_t tip_wish(const RunOptions& options, const std::string& server, boo
         server));
   }
   if (!shared && options.take_over && !options.quiet)
-    fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
+    config::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
   if (shared && !options.quiet) {
-    fmt::print(stderr, "note: this server's tip is shared: {}\n",
-               options.observe
-                   ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
-               : options.take_over ? "asking for it"
-                                   : "taking it if it is free, else observing (--take-over asks for it)");
+    config::print(stderr, "note: this server's tip is shared: {}\n",
+                  options.observe
+                      ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
+                  : options.take_over ? "asking for it"
+                                      : "taking it if it is free, else observing (--take-over asks for it)");
   }
   if (options.observe) return link::kFlagHandOver;
   return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/run/keep_awake.h"
 #include "telenano/master/app/run/scene_wait.h"
 #include "telenano/master/app/run/twin_cost.h"
@@ -64,7 +65,8 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
   wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, rate_hz, stop);
   if (!keeper.settled() && !stop) {
     if (!quiet)
-      fmt::print(stderr, "note: making the server's scene ready here, which takes longer the first time\n");
+      config::print(stderr,
+                    "note: making the server's scene ready here, which takes longer the first time\n");
     wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt,
                    wanted ? kTwinSceneWaitS : kFirstSceneWaitS, rate_hz, stop);
   }
@@ -88,7 +90,7 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
               const station::StationConfig& config, station::Station& station, bool quiet) {
   const bool same = twins[0]->scene_hash() == welcome.scene_hash;
   if (!same && !quiet)
-    fmt::print(stderr, "note: --scene differs from the server's scene: no twin, method model instead\n");
+    config::print(stderr, "note: --scene differs from the server's scene: no twin, method model instead\n");
   station.use_twin(std::make_unique<station::TwinRun>(twin_config(config.rate_hz), std::move(twins[0]),
                                                       std::move(twins[1])));
 }

@@ -15,6 +15,7 @@
 
 #include "telenano/common/base/base64.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/recording/recording_reader.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/master/app/scene_files.h"
@@ -125,8 +126,8 @@ view_model::Ground recorded_ground(const recording::RecordingReader& reader,
       facts.scene.tip_radius_nm = scene.tip_radius_nm;
       if (!scene.ground.z_nm.empty()) return view_model::Ground(std::move(scene.ground));
     } catch (const std::exception& error) {
-      fmt::print(stderr, "note: {}: the scene in it: {}; a plane is drawn\n", reader.path().string(),
-                 error.what());
+      config::print(stderr, "note: {}: the scene in it: {}; a plane is drawn\n", reader.path().string(),
+                    error.what());
     }
   }
   return plane_under(rows, facts.surface_z_w_nm);
@@ -141,7 +142,7 @@ view_model::Ground scan_ground(const recording::RecordingReader& reader, const s
   session.scene_name = reader.configuration("scene_name");
   session.scene_hash = reader.configuration("scene_hash");
   doubt = doubt_of_surface({path, bytes, scan}, session);
-  if (!doubt.empty()) fmt::print(stderr, "note: --surface {}: {}\n", path, doubt);
+  if (!doubt.empty()) config::print(stderr, "note: --surface {}: {}\n", path, doubt);
   return view_model::Ground(surface::heights_in_frame_w(std::move(scan)));
 }
 

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "telenano/common/rt/background.h"
 #include "telenano/common/rt/signals_blocked.h"
 #include "telenano/common/surface/gsf.h"
@@ -217,7 +218,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
     facts.surface_doubt =
         doubt_of_surface({options_.surface, parts_->scan_bytes, *parts_->scan}, session.slave);
     if (!facts.surface_doubt.empty())
-      fmt::print(stderr, "note: --surface {}: {}\n", options_.surface, facts.surface_doubt);
+      config::print(stderr, "note: --surface {}: {}\n", options_.surface, facts.surface_doubt);
     parts_->scan_bytes = {};
     parts_->ground.emplace(surface::heights_in_frame_w(std::move(*parts_->scan)));
     parts_->scan.reset();

@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "telenano/common/config/print.h"
 #include "telenano/master/app/view/recorded_view.h"
 
 namespace telenano::app {
@@ -26,7 +27,7 @@ CLI::App* add_view_command(CLI::App& app) {
       "event; "
       "F1 tells the\nrest. To feel a recording's motion at a server again: telenano-master replay FILE "
       "--view.");
-  command->callback([asked] { fmt::print(stderr, "{}\n", view_recording(asked->file, asked->view)); });
+  command->callback([asked] { config::print(stderr, "{}\n", view_recording(asked->file, asked->view)); });
   return command;
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "telenano/common/config/completion.h"
+#include "telenano/common/config/program.h"
 #include "telenano/common/config/slave_limits_file.h"
 #include "telenano/nve_server/app/scene/scene_loading.h"
 #include "telenano/nve_server/scene/scene.h"
@@ -243,6 +244,7 @@ void run(const std::string& path, const std::string& limits_path) {
   std::printf("%-14s (%.6g, %.6g, %.6g) nm, touching at z = %.6g nm\n", "start", scene->start_apex_w_nm.x(),
               scene->start_apex_w_nm.y(), scene->start_apex_w_nm.z(), scene->start_touch_w_nm);
   std::fflush(stdout);
+  config::require_stdout();
   for (const std::string& warning : summary.warnings) {
     std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", path.c_str(), warning.c_str());
   }

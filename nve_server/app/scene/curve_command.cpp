@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "telenano/common/config/completion.h"
+#include "telenano/common/config/program.h"
 #include "telenano/nve_server/app/scene/scene_loading.h"
 #include "telenano/nve_server/scene/force_curve.h"
 #include "telenano/nve_server/scene/scene.h"
@@ -31,6 +32,7 @@ void run(const Options& options) {
   const scene::CurveOutcome outcome = scene::run_curve(
       *scene, plan,
       [&](const scene::CurveRow& row) {
+        config::require_stdout();
         std::printf("%s,%.15g,%.15g,%.15g,%.15g,%.15g,%s,%.15g\n", way(row.approach), row.base_z_nm,
                     row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm,
                     scene::branch_name(row.branch), row.work_aj);
@@ -40,6 +42,7 @@ void run(const Options& options) {
                     gap.base_z_nm);
       });
   std::fflush(stdout);
+  config::require_stdout();
   if (outcome.gaps > 0) {
     std::fprintf(stderr,
                  "telenano-nve: curve: %ld of %ld places over (%g, %g) nm have no balance of tip and "

@@ -11,9 +11,11 @@
 #include <cstring>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/config/completion.h"
+#include "telenano/common/config/program.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/app/scene/path_file.h"
 #include "telenano/nve_server/app/scene/scene_loading.h"
@@ -49,13 +51,14 @@ class Output {
   Output& operator=(const Output&) = delete;
   std::FILE* file() const { return file_; }
   void finish() {
-    const std::string name = path_.empty() ? "standard output" : path_;
-    bool good = std::ferror(file_) == 0 && std::fflush(file_) == 0;
-    if (!path_.empty()) {
-      good = std::fclose(file_) == 0 && good;
-      file_ = nullptr;
+    if (path_.empty()) {
+      std::fflush(stdout);
+      config::require_stdout();
+      return;
     }
-    if (!good) throw RunError(name + ": the result cannot be written: " + std::strerror(errno));
+    const bool good = std::ferror(file_) == 0 && std::fflush(file_) == 0;
+    const bool closed = std::fclose(std::exchange(file_, nullptr)) == 0;
+    if (!good || !closed) throw RunError(path_ + ": the result cannot be written: " + std::strerror(errno));
   }
 
  private:
@@ -130,6 +133,7 @@ void run(const TraceOptions& options) {
     }
     t_s = path[row].t_s;
     from = path[row].end_w_nm;
+    config::require_stdout();
     write_row(output.file(), t_s, slave.trace().commanded_end_w_nm, out, slave.trace());
     progress.at(row);
   }

@@ -11,6 +11,7 @@
 #include <memory>
 #include <string>
 
+#include "telenano/common/config/print.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "tests/studies/relay/relay.h"
 #include "tests/studies/relay/relay_options.h"
@@ -61,8 +62,8 @@ void run(const RelayOptions& options) {
   ::prctl(PR_SET_TIMERSLACK, 1UL);
   const rt::SteadyClock clock;
   Relay relay(config, clock);
-  fmt::print(stderr, "telenano-lab: relay on {} to {}, seed {}\n", net::to_string(relay.local()),
-             net::to_string(config.to), config.seed);
+  config::print(stderr, "telenano-lab: relay on {} to {}, seed {}\n", net::to_string(relay.local()),
+                net::to_string(config.to), config.seed);
   const std::int64_t end_ns =
       options.duration_s > 0 ? static_cast<std::int64_t>(options.duration_s * 1e9) : INT64_MAX;
   std::int64_t next_line_ns = kSecond;
@@ -73,17 +74,17 @@ void run(const RelayOptions& options) {
     const net::ImpairmentCounts& up_now = relay.to_server().impairment.counts;
     const net::ImpairmentCounts& down_now = relay.to_client().impairment.counts;
     if (!options.quiet) {
-      fmt::print(stderr, "{} s: {} clients; to server {}; to client {}\n", next_line_ns / kSecond,
-                 relay.clients().now, in_words(up_now, up), in_words(down_now, down));
+      config::print(stderr, "{} s: {} clients; to server {}; to client {}\n", next_line_ns / kSecond,
+                    relay.clients().now, in_words(up_now, up), in_words(down_now, down));
     }
     up = up_now;
     down = down_now;
     next_line_ns += kSecond;
   }
   const Relay::Clients& clients = relay.clients();
-  fmt::print(stderr,
-             "telenano-lab: relay ends; {} clients came, {} left idle, {} datagrams of others refused\n",
-             clients.seen, clients.idled, clients.refused);
+  config::print(stderr,
+                "telenano-lab: relay ends; {} clients came, {} left idle, {} datagrams of others refused\n",
+                clients.seen, clients.idled, clients.refused);
   print_summary(relay);
 }
 

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/config/print.h"
 #include "tests/studies/zwidth/on_all_cores.h"
 #include "tests/studies/zwidth/sampled_loop.h"
 
@@ -114,14 +115,15 @@ void run_paper_study(const std::string& folder) {
     const Job& job = jobs[i];
     const ZWidthRow row = zwidth_row(job.configuration->options(), job.damping);
     const std::lock_guard lock(mutex);
-    fmt::print(out, "{},{},{}\n", job.configuration->name(), job.row, csv(row));
+    config::print(out, "{},{},{}\n", job.configuration->name(), job.row, csv(row));
     std::fflush(out);
     ++finished;
     if (finished % 16 == 0 || finished == jobs.size()) {
-      fmt::print(stderr, "zwidth: {} of {} rows\n", finished, jobs.size());
+      config::print(stderr, "zwidth: {} of {} rows\n", finished, jobs.size());
     }
   });
-  std::fclose(out);
+  const bool good = std::ferror(out) == 0;
+  if (std::fclose(out) != 0 || !good) throw RunError(path + ": cannot be written");
 }
 
 std::vector<PaperRow> read_paper_study(const std::string& folder) {
