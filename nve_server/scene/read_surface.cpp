@@ -6,6 +6,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/fnv1a.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/physics/potential/retraction.h"
@@ -170,6 +171,7 @@ Built read_scan(const config::TomlDocument& document, const TomlTable& table, Su
   ground.scan_title = scan.title;
   const std::string levelling = table.choice_or("level", {"none", "plane", "lines"}, "none");
   level(scan.grid, *levelling_from_name(levelling));
+  if (levelling == "none") ground.scan_hash = fnv1a(bytes);
   ground.text = ground.scan_path + (levelling == "none" ? "" : ", levelled by " + levelling);
   return {nullptr, std::move(scan.grid), 0.0, nullptr};
 }

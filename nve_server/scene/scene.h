@@ -37,6 +37,8 @@ struct SurfaceDescription {
   std::string text;       ///< for a person, one line
   std::string scan_path;  ///< empty unless a scan
   std::string scan_title;
+  /// FNV-1a, 64 bit, of the scan's file; 0: none, or levelled after it was read.
+  std::uint64_t scan_hash = 0;
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
   double spacing_nm = 0;                                          ///< of the grid; 0: none
   std::size_t fields_bytes = 0;    ///< of the potential's fields, shared by all sessions; 0: by tiles

@@ -21,8 +21,8 @@ struct SceneSummary {
   int pull_off_places = 0;  ///< 0: flat
   /// The effective radius at touch, at the same places.
   double radius_low_nm = 0, radius_median_nm = 0, radius_high_nm = 0;
-  /// One line each, of a ground that is one potential: how far what is felt is from elasticity, by regime,
-  /// and where that is known from. Empty otherwise.
+  /// One line each, of a ground that is one potential: how far what is felt is from elasticity, by regime, and
+  /// where that is known from, or that it was not compared on this ground. Empty otherwise.
   std::vector<std::string> model_errors;
   double jump_to_contact_nm = 0;  ///< gap at which the probe jumps, coming down slowly; 0: it does not
   double unloaded_radius_nm = 0;  ///< of the contact, coming out of it

@@ -1,20 +1,24 @@
 // What `check` says of a ground that is one potential. Oracle: closed forms of the radius on a sinusoid.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/physics/potential/tip_potential.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/scene/scene_summary.h"
 #include "telenano/nve_server/scene/scene_terms.h"
+#include "tests/source_dir.h"
 
 namespace telenano::scene {
 namespace {
@@ -68,19 +72,82 @@ TEST(PotentialSummary, RadiiAreThoseOfTheGround) {
   EXPECT_GT(summary.pull_off_high_nn / summary.pull_off_low_nn, 1.4);
 }
 
-TEST(PotentialSummary, TellsTheModelsErrorsAndWhereTheyAreFrom) {
-  const auto has = [](const SceneSummary& summary, const std::string& word) {
-    return std::any_of(summary.model_errors.begin(), summary.model_errors.end(),
-                       [&](const std::string& line) { return line.find(word) != std::string::npos; });
-  };
-  const SceneSummary summary = summarise(*parse_scene(text_of("potential"), "waves.toml"));
-  for (const char* word : {"pull-off", "pressed", "van der Waals", "not compared", "boundary elements"}) {
-    EXPECT_TRUE(has(summary, word)) << word;
+bool tells(const SceneSummary& summary, const std::string& word) {
+  return std::any_of(summary.model_errors.begin(), summary.model_errors.end(),
+                     [&](const std::string& line) { return line.find(word) != std::string::npos; });
+}
+
+void expect_not_compared(const SceneSummary& summary) {
+  EXPECT_TRUE(tells(summary, "not compared on this ground"));
+  // No accuracy of another ground.
+  EXPECT_FALSE(tells(summary, " %"));
+  EXPECT_FALSE(tells(summary, "boundary elements"));
+}
+
+/// A scan of deploy/data, or what `change` makes of it, in a scene of its own.
+class ComparedScan : public ::testing::TestWithParam<const char*> {
+ protected:
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  SceneSummary summary(const std::function<void(surface::Scan&)>& change, const std::string& more = "",
+                       const std::string& modulus_gpa = "70.0") const {
+    std::filesystem::create_directories(folder_);
+    const std::string original = std::string(TELENANO_SOURCE_DIR) + "/deploy/data/" + GetParam();
+    std::string file = original;
+    if (change) {
+      surface::Scan scan = surface::read_gsf(original);
+      change(scan);
+      file = (folder_ / "changed.gsf").string();
+      surface::write_gsf(file, scan);
+    }
+    std::string text = text_of("potential");
+    const auto kind = text.find("kind = "), force = text.find("force = \"potential\"");
+    text.replace(kind, force - kind, "kind = \"scan\"\nfile = \"" + file + "\"\n" + more);
+    text.replace(text.find("70.0"), 4, modulus_gpa);
+    text.erase(text.find("half_width_nm"), std::string("half_width_nm = 60.0\n").size());
+    for (const char* key : {"x_nm = 0.0", "y_nm = 0.0"})
+      text.replace(text.find(key), 10, std::string(key, 7) + "150.0");
+    return summarise(*parse_scene(text, "scan.toml"));
   }
-  EXPECT_FALSE(has(summary, "unlike"));
-  std::string soft = text_of("potential");
-  soft.replace(soft.find("70.0"), 4, "0.5");
-  EXPECT_TRUE(has(summarise(*parse_scene(soft, "waves.toml")), "unlike"));
+
+  const std::filesystem::path folder_ =
+      std::filesystem::temp_directory_path() / ("telenano_compared_" + std::to_string(::getpid()));
+};
+
+TEST_P(ComparedScan, TellsTheModelsErrorsAndWhereTheyAreFrom) {
+  const SceneSummary like = summary(nullptr);
+  for (const char* word :
+       {"pull-off 1 to 2 %", "pressed", "van der Waals", "not compared", "boundary elements"})
+    EXPECT_TRUE(tells(like, word)) << word;
+  EXPECT_FALSE(tells(like, "not compared on this ground"));
+  // The comparison was with silicon oxide.
+  expect_not_compared(summary(nullptr, "", "0.5"));
+}
+
+INSTANTIATE_TEST_SUITE_P(PotentialSummary, ComparedScan,
+                         ::testing::Values("wsxm_600nm.gsf", "nanoscope_peakforce_1um.gsf"));
+
+using ChangedScan = ComparedScan;
+INSTANTIATE_TEST_SUITE_P(PotentialSummary, ChangedScan, ::testing::Values("wsxm_600nm.gsf"));
+
+// An error found on one ground says nothing of another one.
+TEST_P(ChangedScan, IsNotCompared) {
+  expect_not_compared(summary([](surface::Scan& scan) {
+    for (double& z : scan.grid.z_nm) z *= 1.5;
+  }));
+  expect_not_compared(summary([](surface::Scan& scan) {
+    for (double& z : scan.grid.z_nm) z += 1;
+  }));
+  expect_not_compared(summary([](surface::Scan& scan) {
+    scan.grid.rows -= 1;
+    scan.grid.z_nm.resize(scan.grid.z_nm.size() - static_cast<std::size_t>(scan.grid.columns));
+  }));
+  expect_not_compared(summary([](surface::Scan& scan) { scan.grid.dx_nm *= 2; }));
+  expect_not_compared(summary(nullptr, "level = \"lines\"\n"));
+}
+
+TEST(PotentialSummary, AShapeIsNotCompared) {
+  expect_not_compared(summarise(*parse_scene(text_of("potential"), "waves.toml")));
 }
 
 std::string without_force() {
