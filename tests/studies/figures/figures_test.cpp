@@ -5,6 +5,8 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <string>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/control/scaling_plan.h"
@@ -177,6 +179,34 @@ TEST(Ks16, HardSampleTakesMoreForceForLessDepth) {
   // A loop dissipates; the energy account of the port says so.
   EXPECT_GT(hard.hand_work_mj, 0);
   EXPECT_GT(soft.hand_work_mj, 0);
+}
+
+// KS: the softness of silicone rubber gives less force feedback. A tip that is only pulled is no such thing.
+TEST(Rubber, AgreesOnlyWhereItPushes) {
+  EXPECT_STREQ(agrees_on_rubber(0.2, 1.0), "agrees");
+  EXPECT_STREQ(agrees_on_rubber(1.1, 1.0), "does not agree");
+  EXPECT_STREQ(agrees_on_rubber(0.0, 1.0), "does not agree");
+  EXPECT_STREQ(agrees_on_rubber(-0.2, 1.0), "does not agree");
+  // As the figures have it, the table and the page.
+  const std::string scene = std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flat_pdms.toml";
+  const double push_n[] = {run_ks16(scene).greatest_n, run_ks18(scene).pressed_n};
+  draw_figures({"ks16", "ks18"}, kOut);
+  for (const std::size_t i : {0, 1}) {
+    std::ifstream table(kOut / (i == 0 ? "ks16.paper.csv" : "ks18.paper.csv"));
+    std::string row;
+    while (std::getline(table, row) && row.find("silicone rubber, same") == std::string::npos) continue;
+    EXPECT_LE(push_n[i], 0) << row;
+    EXPECT_TRUE(row.ends_with(",\"does not agree\"")) << row;
+  }
+  std::ifstream page(kOut / "index.html");
+  const std::string html{std::istreambuf_iterator<char>(page), std::istreambuf_iterator<char>()};
+  std::size_t rows = 0;
+  for (auto at = html.find("<td>silicone rubber, same"); at != std::string::npos;
+       at = html.find("<td>silicone rubber, same", at + 1), ++rows)
+    EXPECT_NE(html.substr(at, html.find("</tr>", at) - at).find("<td>does not agree</td>"),
+              std::string::npos);
+  EXPECT_EQ(rows, 2u);
+  std::filesystem::remove_all(kOut);
 }
 
 TEST(NamedFigures, WritesEachAndNamesTheUnknown) {

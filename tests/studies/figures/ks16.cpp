@@ -66,6 +66,10 @@ Indents run_ks16(const std::string& scene_path) {
   return result;
 }
 
+const char* agrees_on_rubber(double rubber_n, double other_n) {
+  return rubber_n > 0 && rubber_n < other_n ? "agrees" : "does not agree";
+}
+
 Figure draw_ks16(const FigureFolder& folder) {
   const Indents soft = run_ks16("flat_polystyrene");
   const Indents hard = run_ks16("flat_silicon_oxide");
@@ -97,8 +101,8 @@ Figure draw_ks16(const FigureFolder& folder) {
             "motion of the intention",
             rubber.greatest_n, rubber.sample, rubber.pull_off_n, soft.greatest_n, soft.sample,
             hard.greatest_n, hard.sample),
-        rubber.greatest_n < soft.greatest_n && soft.greatest_n < hard.greatest_n ? "agrees"
-                                                                                 : "does not agree"},
+        soft.greatest_n < hard.greatest_n ? agrees_on_rubber(rubber.greatest_n, soft.greatest_n)
+                                          : "does not agree"},
        {"position and force over time", "sample, depth and scaling not stated", "no axis in the text",
         "KS fig. 16", "in the caption", "not comparable"}});
   Figure figure{

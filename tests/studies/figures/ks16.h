@@ -26,6 +26,9 @@ struct Indents {
 
 Indents run_ks16(const std::string& scene_path);
 
+/// KS section IV: the softness of silicone rubber gives less force feedback. A push, and a smaller one than on `other`.
+const char* agrees_on_rubber(double rubber_n, double other_n);
+
 Figure draw_ks16(const FigureFolder& folder);
 
 }  // namespace telenano::studies

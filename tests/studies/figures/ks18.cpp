@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "telenano/common/control/scaling_plan.h"
+#include "tests/studies/figures/ks16.h"
 #include "tests/studies/report/gnuplot.h"
 #include "tests/studies/report/paper_table.h"
 #include "tests/support/virtual_session.h"
@@ -136,7 +137,7 @@ Figure draw_transitions(const FigureFolder& folder, const std::string& id, const
                       "KS section IV",
                       fmt::format("pressed {} on {}, {} on {}", newtons(rubber.pressed_n), rubber.scene,
                                   newtons(run.pressed_n), run.scene),
-                      rubber.pressed_n < run.pressed_n ? "agrees" : "does not agree"});
+                      agrees_on_rubber(rubber.pressed_n, run.pressed_n)});
   }
   write_beside_paper(folder, id, beside);
   Figure figure{
