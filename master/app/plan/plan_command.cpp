@@ -138,7 +138,7 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
   }
   keeper.start();
   wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, file.station.rate_hz, stop,
-                 [&] { fmt::print(stderr, "note: the server's scene is {}\n", on_its_way(keeper)); });
+                 [&] { config::print(stderr, "note: the server's scene is {}\n", on_its_way(keeper)); });
   const auto scene = keeper.scene();
   if (!scene) {
     far.no_touch = keeper.settled() ? keeper.news().words
@@ -272,7 +272,7 @@ void print_felt(const StationFile& file, const Far& far, const control::ScalingP
   config::print(stdout, "felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
   if (!far.touch) {
     config::print(stdout, "felt,unknown,\nfelt_unknown_because,{},\n", far.no_touch);
-    fmt::print(stderr, "felt: not known, {}\n", far.no_touch);
+    config::print(stderr, "felt: not known, {}\n", far.no_touch);
     return;
   }
   config::print(stdout, "felt,{},\n", far.touch->touched ? "touch" : "no_touch");

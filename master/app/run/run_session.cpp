@@ -1,6 +1,5 @@
 #include "telenano/master/app/run/run_session.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -36,11 +35,11 @@ scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
   scene_store::SceneKeeperOptions scene;
   const bool new_line = isatty(STDERR_FILENO) != 0 && !options.quiet;
   scene.warn = [new_line](const std::string& text) {
-    fmt::print(stderr, "{}telenano-master: warning: {}\n", new_line ? "\n" : "", text);
+    config::print(stderr, "{}telenano-master: warning: {}\n", new_line ? "\n" : "", text);
   };
   if (!options.quiet) {
     scene.note = [new_line](const std::string& text) {
-      fmt::print(stderr, "{}note: {}\n", new_line ? "\n" : "", text);
+      config::print(stderr, "{}note: {}\n", new_line ? "\n" : "", text);
     };
   }
   return scene;

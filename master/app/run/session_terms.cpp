@@ -35,22 +35,22 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
                 const std::string& scene_name, const station::ScalingCheck& check, const std::string& planned,
                 const device::DeviceInfo& device, bool records) {
   const control::Method method = file.station.method;
-  fmt::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
-             control::method_name(method),
-             !file.chooses_method               ? ""
-             : method == control::Method::kTwin ? " (the server's scene runs here too)"
-             : link.measures                    ? " (this slave measures its forces)"
-                                                : " (by the round trip)",
-             check.text);
+  config::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
+                control::method_name(method),
+                !file.chooses_method               ? ""
+                : method == control::Method::kTwin ? " (the server's scene runs here too)"
+                : link.measures                    ? " (this slave measures its forces)"
+                                                   : " (by the round trip)",
+                check.text);
   const control::Method used = station::usable_method(method, welcome.feature_bits);
   if (used != method) {
     config::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
                   control::method_name(method), control::method_name(used));
   }
   if (const std::string far = too_far_text(file.station, used, link.median_s, welcome); !far.empty())
-    fmt::print(stderr, "note: the hand will not engage: {}\n", far);
-  if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
-  if (device.has_force) fmt::print(stderr, "{}\n", damping_text(file, device));
+    config::print(stderr, "note: the hand will not engage: {}\n", far);
+  if (!planned.empty()) config::print(stderr, "scaling {}\n", planned);
+  if (device.has_force) config::print(stderr, "{}\n", damping_text(file, device));
   if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
     config::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
   if (const double permille = file.kept_reply_deadband_permille.value_or(0); permille > 0) {

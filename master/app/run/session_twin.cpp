@@ -96,8 +96,8 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
 }
 
 void tell_no_twin(const std::string& why, bool wanted) {
-  fmt::print(stderr, "note: no twin, {}: {}\n", wanted ? "method model instead" : "another method instead",
-             why);
+  config::print(stderr, "note: no twin, {}: {}\n", wanted ? "method model instead" : "another method instead",
+                why);
 }
 
 }  // namespace telenano::app
