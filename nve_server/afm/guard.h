@@ -14,16 +14,16 @@ namespace telenano::afm {
 /// The guard: a small process of its own that has the emergency connection. While the server lives it passes
 /// requests on, whole frames only, and replies back. When the server's end of `handle` closes, as it does
 /// however the server ends, or is silent for `silence_ms` (it beats every 40 ms), the guard withdraws the
-/// tip, and ends, after the server, only when the tip is known to be up: two withdrawals in a row have left it
-/// where it stood withdrawn at the start (within kUpPart of the range), as it has overheard it. Until then it
-/// goes on, however long the controller cannot be reached, and says every ten seconds that the tip is not up,
-/// and where it stands. A place that was not overheard is never "up". Before each
-/// withdrawal it raises the floor of the controller's Z limits to where the tip stood withdrawn at the start,
-/// as it has overheard it, so that a ZPosSet that comes late moves nothing on a controller that holds
-/// commands to its limits; one that does not take them is withdrawn all the same. In its checks, before the
-/// heart beat, a server moves nothing: one that ends there needs no withdrawal, and the guard just ends; one
-/// that is silent there may wait for the controller. Returns the process's exit code: 0 the tip is up, or has
-/// not moved, 3 the controller was never reached at all.
+/// tip, and ends, after the server, only when the tip is known to be up: two withdrawals in a row have left
+/// it where it stood withdrawn at the start (within kUpPart of the range), as it has overheard it. Until then
+/// it goes on, however long the controller cannot be reached, and says every ten seconds that the tip is not
+/// up, and where it stands. A place that was not overheard is never "up". Before each withdrawal it raises
+/// the floor of the controller's Z limits to where the tip stood withdrawn at the start, as it has overheard
+/// it, so that a ZPosSet that comes late moves nothing on a controller that holds commands to its limits; one
+/// that does not take them is withdrawn all the same. In its checks, before the heart beat, a server moves
+/// nothing: one that ends there needs no withdrawal, and the guard just ends; one that is silent there may
+/// wait for the controller. Returns the process's exit code: 0 the tip is up, or has not moved, 3 the
+/// controller was never reached at all.
 ///
 /// With a key, a deadman stands between it and the controller. The guard proves to it ten times a second that
 /// the server is alive: not that the guard is. The heartbeats stop when the server has been silent for

@@ -317,13 +317,15 @@ class Hazards(Base):
 class Withdrawals(Base):
     """Answered as if they were done. The server is killed while it presses: the tip is its guard's."""
 
-    def killed_while_it_presses(self, fault, sign=1):
+    def killed_while_it_presses(self, fault, sign=1, range_nm=1000, withdraw_nm_s=20000):
         control = self.path / "faults.txt"
-        simulator = self.simulator("--control", control, "--z-sign", sign)
+        simulator = self.simulator("--control", control, "--z-sign", sign, "--range-z-nm", range_nm)
         words = self.direct()
         text = (self.path / "afm.toml").read_text()
-        self.assertIn("\nz_sign = 1 ", text)
-        (self.path / "afm.toml").write_text(text.replace("\nz_sign = 1 ", f"\nz_sign = {sign} "))
+        for key, was, now in (("z_sign", "1", sign), ("withdraw_nm_s", "20000.0", withdraw_nm_s)):
+            self.assertIn(f"\n{key} = {was} ", text)
+            text = text.replace(f"\n{key} = {was} ", f"\n{key} = {float(now) if '.' in was else now} ")
+        (self.path / "afm.toml").write_text(text)
         server = self.start(*words)
         self.assertTrue(server.says("serving an AFM on"), server.text)
         self.contact(self.press(server))
@@ -370,6 +372,12 @@ class Withdrawals(Base):
         simulator, server, _ = self.killed_while_it_presses("withdraw undone 10")
         self.ends_up(simulator, server, 499.9)
         self.assertIn("NOT up", self.told(server)[0])
+
+    def test_a_slow_one_is_not_up_before_it_is(self):
+        """Five seconds, where the guard waits for two."""
+        simulator, server, _ = self.killed_while_it_presses("withdraw undone 0", range_nm=10000, withdraw_nm_s=1000)
+        self.ends_up(simulator, server, 4890)
+        self.assertRegex(self.told(server)[0], r"NOT up: Z = [12]\d\d\d\.\d nm, up is 5000.0 nm")
 
     def test_ones_that_stop_half_way_get_there(self):
         simulator, server, _ = self.killed_while_it_presses("withdraw half ever")
