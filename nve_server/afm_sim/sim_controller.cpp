@@ -142,7 +142,7 @@ double SimController::sensed_nm(double bend_nm) const noexcept {
       return config_.deflection_nm_v * tip_.force_w_nn().x() / config_.lateral_nn_v -
              config_.deflection_offset_nm;
     default:
-      return photodiode_gain_ * bend_nm + photodiode_zero_nm_;
+      return photodiode_gain_ * bend_nm + photodiode_zero_nm_ - (now_ns_ <= dip_until_ns_ ? dip_nm_ : 0);
   }
 }
 
@@ -242,7 +242,8 @@ void SimController::end_acquisition() noexcept {
 void SimController::advance_to(std::int64_t to_ns) noexcept {
   while (now_ns_ < to_ns) {
     const std::int64_t longest = ns(busy() ? kMovingStep_s : kIdleStep_s);
-    const std::int64_t until = std::min({now_ns_ + longest, to_ns, next_acquisition_ns_});
+    std::int64_t until = std::min({now_ns_ + longest, to_ns, next_acquisition_ns_});
+    if (dip_until_ns_ > now_ns_) until = std::min(until, dip_until_ns_);
     const double dt_s = 1e-9 * static_cast<double>(until - now_ns_);
     now_ns_ = until;
     step(dt_s);

@@ -61,6 +61,11 @@ class SimController {
     photodiode_gain_ = gain;
     photodiode_zero_nm_ = zero_nm;
   }
+  /// For so long the deflection's signal is so much too low.
+  void dip(double depth_nm, std::int64_t length_ns) noexcept {
+    dip_nm_ = depth_nm;
+    dip_until_ns_ = now_ns_ + length_ns;
+  }
   void watch_by_safe_tip(int signal) noexcept { config_.safe_tip_signal = signal; }
   /// Its program ends and begins again: its settings are those of its start, the tip stays where it is.
   void restart() noexcept;
@@ -119,6 +124,8 @@ class SimController {
   double value_deflection_m_ = 0, value_lateral_v_ = 0;
   double calibration_factor_ = 1;
   double photodiode_gain_ = 1, photodiode_zero_nm_ = 0;
+  double dip_nm_ = 0;
+  std::int64_t dip_until_ns_ = 0;
   SimConfig at_start_;
 };
 

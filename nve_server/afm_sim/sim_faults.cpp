@@ -6,6 +6,7 @@
 #include <iterator>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
@@ -15,22 +16,26 @@ namespace telenano::afm_sim {
 namespace {
 
 [[noreturn]] void refuse(const std::string& what, const std::string& text) {
-  throw UserError(
-      what + " '" + text +
-      "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY | sensor "
-      "frozen|high|low|noisy|inverted|swapped|good | withdraw undone|half N|ever, e.g. '@5s silent "
-      "500ms'");
+  throw UserError(what + " '" + text +
+                  "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY | sensor "
+                  "frozen|high|low|noisy|inverted|swapped|good | dip DEPTH TIME | withdraw undone|half "
+                  "N|ever, e.g. '@5s silent 500ms', 'dip 8nm 12ms'");
 }
 
-std::int64_t parse_time(const std::string& word, const std::string& what, const std::string& text) {
-  std::size_t end = 0;
-  double value = -1;
+/// A number and its unit.
+std::pair<double, std::string> parse_quantity(const std::string& word, const std::string& what,
+                                              const std::string& text) {
   try {
-    value = std::stod(word, &end);
+    std::size_t end = 0;
+    const double value = std::stod(word, &end);
+    return {value, word.substr(end)};
   } catch (const std::exception&) {
     refuse(what, text);
   }
-  const std::string unit = word.substr(end);
+}
+
+std::int64_t parse_time(const std::string& word, const std::string& what, const std::string& text) {
+  const auto [value, unit] = parse_quantity(word, what, text);
   const double scale = unit == "s" ? 1e9 : unit == "ms" ? 1e6 : 0;
   if (scale == 0 || !(value >= 0 && value <= 1e6)) refuse(what, text);
   return static_cast<std::int64_t>(std::llround(value * scale));
@@ -47,11 +52,12 @@ Fault parse_fault(const std::string& text, const std::string& what) {
     fault.at_ns = parse_time(word.substr(1), what, text);
     if (!(words >> word)) refuse(what, text);
   }
-  const auto time = [&] {
+  const auto next = [&] {
     std::string t;
     if (!(words >> t)) refuse(what, text);
-    return parse_time(t, what, text);
+    return t;
   };
+  const auto time = [&] { return parse_time(next(), what, text); };
   if (word == "silent") {
     fault.kind = FaultKind::kSilent;
     fault.length_ns = time();
@@ -80,6 +86,12 @@ Fault parse_fault(const std::string& text, const std::string& what) {
     if (times != "ever" &&
         (std::from_chars(times.data(), end, fault.count).ptr != end || fault.count < 0 || fault.count > 1000))
       refuse(what, text);
+  } else if (word == "dip") {
+    fault.kind = FaultKind::kDip;
+    const auto [depth_nm, unit] = parse_quantity(next(), what, text);
+    if (unit != "nm" || !(std::fabs(depth_nm) <= 1e6)) refuse(what, text);
+    fault.depth_nm = depth_nm;
+    fault.length_ns = time();
   } else {
     refuse(what, text);
   }

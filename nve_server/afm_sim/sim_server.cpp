@@ -50,6 +50,9 @@ void SimServer::apply(const Fault& fault) {
     case FaultKind::kWithdraw:
       controller_.set_withdraw_fault(fault.withdraw, fault.count);
       break;
+    case FaultKind::kDip:
+      controller_.dip(fault.depth_nm, fault.length_ns);
+      break;
   }
 }
 

@@ -133,8 +133,9 @@ int main(int argc, char** argv) {
                "Send error replies without values, instead of values of zero");
   app.add_option("--fault", o.faults,
                  "'[@TIME] silent TIME', 'reset', 'garbage', 'slow TIME DELAY', 'sensor "
-                 "frozen|high|low|noisy|inverted|swapped|good', 'withdraw undone|half N|ever'; may be given "
-                 "more than once")
+                 "frozen|high|low|noisy|inverted|swapped|good', 'dip DEPTH TIME', 'withdraw undone|half "
+                 "N|ever'; may be "
+                 "given more than once")
       ->type_name("TEXT");
   app.add_option("--faults-per-minute", o.faults_per_minute, "Random faults per minute, drawn from --seed")
       ->capture_default_str()

@@ -69,6 +69,9 @@ void VirtualAfm::apply(const afm_sim::Fault& fault) {
     case afm_sim::FaultKind::kWithdraw:
       sim_.set_withdraw_fault(fault.withdraw, fault.count);
       return;
+    case afm_sim::FaultKind::kDip:
+      sim_.dip(fault.depth_nm, fault.length_ns);
+      return;
     case afm_sim::FaultKind::kReset:
       for (std::size_t i = 0; i < channels_.size(); ++i) {
         close(i);

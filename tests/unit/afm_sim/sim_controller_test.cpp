@@ -239,6 +239,20 @@ TEST(SimController, SensorFaultsAreSeenByTheSignalsAndNotByTheTip) {
   EXPECT_NEAR(reading(), free, 1e-11);
 }
 
+TEST(SimController, ADipIsInTheSignalForItsTimeAndNotInTheTip) {
+  Rig rig;
+  const double free = 1.5e-9;
+  rig.wait(2 * kMs);  // between two ends of an average of 5 ms
+  rig.controller.dip(8, 12 * kMs);
+  const double force_nn = rig.controller.tip().normal_force_nn();
+  // Of the averages that end next: 3 of 5 ms in it, all of the next, 4 ms of the third.
+  for (const double part : {0.6, 1.0, 0.8, 0.0}) {
+    EXPECT_NEAR(rig.call(kSignalValGet, {kDeflectionSignal, 0}).numbers[0], free - 8e-9 * part, 1e-11);
+    rig.wait(kMs / 2);
+  }
+  EXPECT_EQ(rig.controller.tip().normal_force_nn(), force_nn);
+}
+
 TEST(SimController, AConverterOf16BitsRoundsToItsSteps) {
   SimConfig config = quiet();
   config.noise_nm_sqrt_hz = 5e-3;
@@ -303,9 +317,30 @@ TEST(SimFaults, WhatAPersonWrites) {
   EXPECT_EQ(parse_fault("withdraw half 3", "--fault").withdraw, WithdrawFault::kHalf);
   EXPECT_EQ(parse_fault("withdraw half 3", "--fault").count, 3);
   EXPECT_LT(parse_fault("withdraw undone ever", "--fault").count, 0);
-  for (const char* bad : {"", "@", "silent", "silent 5", "silent -1s", "silent 1s 2s", "loud 1s", "@x reset",
-                          "slow 1s", "withdraw", "withdraw 3", "withdraw half", "withdraw half -3",
-                          "withdraw half 3x", "withdraw undone 1001", "withdraw undone 99999999999"})
+  const Fault dip = parse_fault("dip -0.5nm 12ms", "--fault");
+  EXPECT_EQ(dip.kind, FaultKind::kDip);
+  EXPECT_EQ(dip.depth_nm, -0.5);
+  EXPECT_EQ(dip.length_ns, 12'000'000);
+  for (const char* bad : {"",
+                          "@",
+                          "silent",
+                          "silent 5",
+                          "silent -1s",
+                          "silent 1s 2s",
+                          "loud 1s",
+                          "@x reset",
+                          "slow 1s",
+                          "dip 8 12ms",
+                          "dip 12ms",
+                          "dip 8nm 12",
+                          "dip nannm 1s",
+                          "withdraw",
+                          "withdraw 3",
+                          "withdraw half",
+                          "withdraw half -3",
+                          "withdraw half 3x",
+                          "withdraw undone 1001",
+                          "withdraw undone 99999999999"})
     EXPECT_THROW(parse_fault(bad, "--fault"), UserError) << bad;
 }
 
