@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/rt/realtime_thread.h"
 #include "telenano/nve_server/afm/afm_adapters.h"
 #include "telenano/nve_server/afm/guard.h"
 
@@ -240,6 +241,11 @@ void AfmDriver::sleep(std::int64_t ns) {
 }
 
 void AfmDriver::run() {
+  if (options_.realtime_priority > 0) {
+    rt::RealtimeConfig realtime;
+    realtime.priority = options_.realtime_priority;
+    news_("the controller's thread: " + rt::enter_realtime(realtime).text);
+  }
   std::int64_t exit_ns = 0;
   for (;;) {
     const std::int64_t now_ns = clock_.now_ns();

@@ -25,6 +25,7 @@ struct DriverOptions {
   std::function<bool()> take_approval = nullptr;
   /// Once, before anything moves; from that thread. Where it throws, nothing does.
   std::function<void()> before_approach = nullptr;
+  int realtime_priority = 0;  ///< SCHED_FIFO of the thread, 1..99; 0 = ordinary scheduling
 };
 
 /// The thread that has the connections: moves bytes between the logic and the controller, reconnects, and

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include "telenano/common/control/method.h"
@@ -41,6 +42,29 @@ TEST_F(AfmProgramsTest, ATaskThroughStationServerAndController) {
   const std::string end = simulator.stop();
   EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
   EXPECT_NE(end.find("SafeTip 0 times"), std::string::npos) << end;
+}
+
+// The thread that reads the force and moves the tip, and the one that serves.
+TEST_F(AfmProgramsTest, TheControllersThreadHasTheRealTimePriorityToo) {
+  Simulator simulator;
+  std::vector<std::string> words = serve(simulator.ports(), afm());
+  words.insert(words.end(), {"--rt-priority", "37"});
+  ChildProcess server(words);
+  ASSERT_GT(port_of(server), 0);
+  // The one that serves tells last.
+  ASSERT_TRUE(server.wait_for_err(" memory ", kLong)) << server.err();
+  auto [with, others] = realtime_threads(server.pid(), 37);
+  for (int i = 0; with < 2 && i < 500; ++i) {
+    std::this_thread::sleep_for(Milliseconds(10));
+    std::tie(with, others) = realtime_threads(server.pid(), 37);
+  }
+  const bool granted = server.err().find("SCHED_FIFO 37, ") != std::string::npos;
+  EXPECT_EQ(with, granted ? 2 : 0) << server.err();
+  EXPECT_EQ(others, 0);
+  server.signal(SIGTERM);
+  ASSERT_TRUE(server.wait(kLong));
+  EXPECT_EQ(server.exit_code(), 0) << server.err();
+  EXPECT_NE(simulator.stop().find("tip withdrawn"), std::string::npos);
 }
 
 // An AFM's sessions never have a log of steps, so that they may have a deadband for replies; what it measures is noisy.

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -11,6 +13,7 @@
 #include <memory>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/source_dir.h"
@@ -49,6 +52,27 @@ inline std::string file_text(const std::filesystem::path& path) {
   std::ostringstream text;
   text << file.rdbuf();
   return text.str();
+}
+
+/// Threads of a process by what the kernel schedules them as: those with `priority` under SCHED_FIFO, and the
+/// other real-time ones.
+inline std::pair<int, int> realtime_threads(pid_t pid, int priority) {
+  int with = 0, others = 0;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task")) {
+    const std::string stat = file_text(task.path() / "stat");
+    // proc(5): after the name in parentheses the 40th field is rt_priority, the 41st policy.
+    std::istringstream fields(stat.substr(std::min(stat.size(), stat.rfind(')') + 1)));
+    std::string field;
+    for (int number = 3; number < 40; ++number) fields >> field;
+    int rt_priority = 0, policy = 0;
+    fields >> rt_priority >> policy;
+    if (policy == SCHED_FIFO && rt_priority == priority) {
+      ++with;
+    } else if (rt_priority > 0) {
+      ++others;
+    }
+  }
+  return {with, others};
 }
 
 /// telenano-nve serve on loopback; any free port unless one is given.

@@ -1,8 +1,5 @@
 // The server with several workers, as a real program: whoever comes back from another port keeps its session,
 // whichever worker the kernel gives it to.
-#include <sched.h>
-
-#include <algorithm>
 #include <thread>
 #include <tuple>
 #include <utility>
@@ -181,27 +178,6 @@ TEST_F(WorkersTest, APortThatAnotherServerSharesIsInUse) {
   EXPECT_EQ(second.exit_code, 2);
   EXPECT_NE(second.err.find("in use"), std::string::npos) << second.err;
   EXPECT_EQ(lines_of(second.err).size(), 1u) << second.err;
-}
-
-/// Threads of a process by what the kernel schedules them as: those with `priority` under SCHED_FIFO, and the
-/// other real-time ones.
-std::pair<int, int> realtime_threads(pid_t pid, int priority) {
-  int with = 0, others = 0;
-  for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task")) {
-    const std::string stat = file_text(task.path() / "stat");
-    // proc(5): after the name in parentheses the 40th field is rt_priority, the 41st policy.
-    std::istringstream fields(stat.substr(std::min(stat.size(), stat.rfind(')') + 1)));
-    std::string field;
-    for (int number = 3; number < 40; ++number) fields >> field;
-    int rt_priority = 0, policy = 0;
-    fields >> rt_priority >> policy;
-    if (policy == SCHED_FIFO && rt_priority == priority) {
-      ++with;
-    } else if (rt_priority > 0) {
-      ++others;
-    }
-  }
-  return {with, others};
 }
 
 TEST_F(WorkersTest, OnlyTheThreadsThatServeHaveTheRealTimePriority) {

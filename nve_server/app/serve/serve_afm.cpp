@@ -119,7 +119,7 @@ void ServeAfm::check(const std::string& scene, const std::string& share, std::si
 }
 
 server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bool>& stop,
-                                    std::function<void(const std::string&)> news) {
+                                    int realtime_priority, std::function<void(const std::string&)> news) {
   const afm::AfmConfig config = afm::load_afm_config(afm_);
   const auto ports = parse_port_list(ports_, "--ports");
   if (config.deadman_key.empty() && !without_deadman_)
@@ -132,6 +132,7 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
     throw UserError("--without-deadman: " + afm_ + " names a deadman ([deadman] key): omit one of the two");
   afm::DriverOptions options;
   options.adapter = slave_;
+  options.realtime_priority = realtime_priority;
   std::string emergency;
   for (std::size_t i = 0; i < ports.size(); ++i) {
     if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is not a port of a controller");

@@ -33,7 +33,8 @@ class ServeAfm {
   /// What is served, for the log.
   std::string served(const std::string& scene) const { return wanted() ? "an AFM" : scene; }
   /// Starts the guard and the controller's thread, checks and approaches. Throws UserError, one line.
-  server::ServedScene start(const rt::Clock& clock, const std::atomic<bool>& stop,
+  /// `realtime_priority`: of that thread, SCHED_FIFO; 0: ordinary scheduling.
+  server::ServedScene start(const rt::Clock& clock, const std::atomic<bool>& stop, int realtime_priority,
                             std::function<void(const std::string&)> news);
   /// What the controller's thread has published. From any thread; nothing before there was anything.
   void write_metrics(metrics::Page& page) const;

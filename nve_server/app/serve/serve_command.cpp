@@ -57,7 +57,7 @@ std::vector<server::ServedScene> load(ServeOptions& options, const SceneLoader& 
                                       const std::shared_ptr<spdlog::logger>& log) {
   std::vector<server::ServedScene> scenes;
   if (options.afm.wanted()) {
-    scenes.push_back(options.afm.start(clock, signals.stop,
+    scenes.push_back(options.afm.start(clock, signals.stop, options.realtime_priority,
                                        [log](const std::string& text) { log->info("afm: {}", text); }));
   } else {
     for (const std::string& scene : options.scenes) scenes.push_back(load_scene(scene, options.surfaces));
@@ -283,9 +283,10 @@ void add_latency_flags(CLI::App& command, ServeOptions& options) {
                        "Spin instead of sleeping: the lowest latency, but each worker keeps one core busy");
   // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
   command
-      .add_option("--rt-priority", options.realtime_priority,
-                  "SCHED_FIFO priority of the serving threads, so that other programs do not delay replies; "
-                  "0: normal scheduling")
+      .add_option(
+          "--rt-priority", options.realtime_priority,
+          "SCHED_FIFO priority of the serving threads, and of the thread that reads an AFM's force and "
+          "moves its tip, so that other programs delay neither; 0: normal scheduling")
       ->capture_default_str()
       ->check(CLI::Range(0, 99))
       ->excludes(busy_poll);
