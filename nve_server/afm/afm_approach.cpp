@@ -140,6 +140,7 @@ void AfmLogic::on_motion(const AfmReading& reading, std::int64_t now_ns) {
       }
       touches_ = 0;  // the surface is where the Z controller stood
       history_.clear();
+      bounds_.clear();
       sent_w_nm_ = Vec3(sent_w_nm_.x(), sent_w_nm_.y(), height_nm_ - contact_height_nm(now_ns));
       history_.add(now_ns, sent_w_nm_);
       state_.base_w_nm = sent_w_nm_;
@@ -335,6 +336,7 @@ void AfmLogic::touched(std::int64_t now_ns) {
   // W's zero has moved to where the tip touched: the tip stands as much lower in it.
   sent_w_nm_.z() = height_nm_ - contact_height_nm(now_ns);
   history_.clear();
+  bounds_.clear();
   history_.add(now_ns, sent_w_nm_);
   state_.base_w_nm = sent_w_nm_;
   // The same ground in the new frame: known where the touch saw it.

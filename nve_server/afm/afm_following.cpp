@@ -8,13 +8,46 @@
 
 namespace telenano::afm {
 
+namespace {
+
+constexpr std::int64_t kBoundsNs = 60 * kMs;  // so long a false reading moves nothing down
+
+}  // namespace
+
 /// How high the ground may be, by what is known of it: that of the last touch, two steps, and not so high
 /// that a signal that may rest for ever would never be let down to it.
 double AfmLogic::top_of_ground_nm() const noexcept {
   return std::min(2 * config_.step_nm, 0.5 * config_.force_max_nn / config_.spring_constant_n_m);
 }
 
-double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) noexcept {
+/// No single reading lets the tip go down: while a signal that dips shows less force than there is, what was
+/// read before it still holds.
+double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) const noexcept {
+  const Stood newest = stood(now_ns);
+  return std::max(newest.high_nm - newest.down_nm, bounds_.highest_nm());
+}
+
+/// What the newest reading will still say when others have come.
+void AfmLogic::keep_bound(std::int64_t now_ns) noexcept {
+  Stood reading = stood(now_ns);
+  // In the air it says nothing of the way down to the ground that is known: else the tip would fall no faster
+  // than by what the limit bends the lever, each kBoundsNs.
+  if (state_.measured_force_w_nn.z() < model_.contact_threshold_nn())
+    reading.high_nm = std::min(reading.high_nm, ground_nm_ + top_of_ground_nm());
+  // While the base moves, the reading may be of any height that it had; as long as what is known lies among
+  // them it is only confirmed. Else each step down to the limit would hold the tip up where it began.
+  const std::int64_t half_ns = ns(0.5 * config_.period_s());
+  const double mean_nm =
+      history_.between(state_.measured_ns - half_ns, state_.measured_ns + half_ns).mean_w_nm.z();
+  const double low_nm = std::min(reading.low_nm, reading.high_nm);
+  const double high_nm = std::clamp(mean_nm, low_nm, reading.high_nm);
+  const double bound_nm =
+      std::clamp(bounds_.highest_nm(), low_nm - reading.down_nm, high_nm - reading.down_nm);
+  // The reading that comes kBoundsNs later takes its place, be it a little early.
+  bounds_.add(now_ns, bound_nm, kBoundsNs - half_ns);
+}
+
+AfmLogic::Stood AfmLogic::stood(std::int64_t now_ns) const noexcept {
   const MotionHistory::Stretch since = history_.between(reading_from_ns_, now_ns);
   const double k = config_.spring_constant_n_m;
   const double force_nn = state_.measured_force_w_nn.z();
@@ -31,7 +64,7 @@ double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) noexcept {
       across_nm = since.path_across_nm;
     }
   }
-  return highest_nm + slope() * across_nm - left_nn / k;
+  return {since.lowest_nm, highest_nm, left_nn / k - slope() * across_nm};
 }
 
 double AfmLogic::lowest_by_lateral_nm(std::int64_t now_ns) const noexcept {
@@ -261,6 +294,7 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
     return tell(text("withdrawing: lateral force %.4g nN, over the limit of %.4g nN", force.x(),
                      config_.lateral_max_nn));
   }
+  keep_bound(now_ns);
   if (state_.phase == Phase::kTouching) return touch_reading(sent_ns, now_ns);
   if (state_.phase != Phase::kFollowing || zero_moved(now_ns)) return;
 

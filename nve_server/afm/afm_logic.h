@@ -34,7 +34,10 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// z_hi and after whose beginning it travelled s across; the force as a function of the base is nowhere
 /// steeper than the lever, k, and across it rises by at most m k (across_rule.h), or ground is no steeper than m = slope_max
 /// above the relief. So at z, F' ≤ F + k (z_hi − z + m s) (a jump only
-/// lowers it on the way down), and the base is kept at z ≥ z_hi + m s − (F_max − F)/k. What is left over the
+/// lowers it on the way down), and the base is kept at z ≥ z_hi + m s − (F_max − F)/k, by the newest reading and by
+/// every one of the last 60 ms: a signal that shows less force than there is (a dip, a glitch, hum) for 50 ms
+/// lets it go no lower. Older readings hold at their own place, without the way across since, and one that says
+/// that the tip is free counts from the top of the ground that is known, as below. What is left over the
 /// limit is noise, thermal bending since the tare, and drift times the age of the reading, times k.
 ///
 /// Lateral limit. Nearer to the sample than `relief_nm` above the highest ground that was touched, the base
@@ -136,7 +139,13 @@ class AfmLogic {
   void on_held(const AfmReading& reading, std::int64_t now_ns);
   void watch_safe_tip(double value, std::int64_t sent_ns, std::int64_t now_ns);
   bool send_z(double z_w_nm, std::int64_t now_ns, AfmCommand& call);
-  double lowest_allowed_nm(std::int64_t now_ns) noexcept;
+  double lowest_allowed_nm(std::int64_t now_ns) const noexcept;
+  /// Where the base may have stood while the newest reading was averaged, and how much lower it may go.
+  struct Stood {
+    double low_nm = 0, high_nm = 0, down_nm = 0;
+  };
+  Stood stood(std::int64_t now_ns) const noexcept;
+  void keep_bound(std::int64_t now_ns) noexcept;
   double lowest_by_lateral_nm(std::int64_t now_ns) const noexcept;
   double slope() const noexcept;
   void hold_along(bool told, double& along_nm);
@@ -244,6 +253,7 @@ class AfmLogic {
 
   // Following.
   MotionHistory history_;
+  BoundHistory bounds_;  // that readings have set, in W
   Vec3 sent_w_nm_ = Vec3::Zero();
   std::int64_t last_move_ns_ = 0;
   std::int64_t last_xy_ns_ = 0;

@@ -72,4 +72,35 @@ class MotionHistory {
   std::size_t next_ = 0;
 };
 
+/// How deep each of the readings lets the base go: the highest of these bounds, over those that are no older
+/// than so long before the newest. A reading costs a few comparisons: bounds that a newer one exceeds are gone.
+class BoundHistory {
+ public:
+  void add(std::int64_t time_ns, double lowest_nm, std::int64_t keep_ns) noexcept {
+    while (size_ > 0 && at(size_ - 1).lowest_nm <= lowest_nm) --size_;
+    if (size_ == kKept) {
+      at(size_ - 1).time_ns = time_ns;  // no room: the higher one of two stays for as long as both
+    } else {
+      at(size_++) = {time_ns, lowest_nm};
+    }
+    while (size_ > 0 && at(0).time_ns < time_ns - keep_ns) {
+      ++first_;
+      --size_;
+    }
+  }
+  void clear() noexcept { size_ = 0; }
+  double highest_nm() const noexcept { return size_ > 0 ? entries_[first_ % kKept].lowest_nm : -1e300; }
+
+ private:
+  struct Entry {
+    std::int64_t time_ns = 0;
+    double lowest_nm = 0;
+  };
+  Entry& at(std::size_t i) noexcept { return entries_[(first_ + i) % kKept]; }
+
+  static constexpr std::size_t kKept = 128;  // 60 ms of 2000 readings a second
+  std::array<Entry, kKept> entries_{};
+  std::size_t first_ = 0, size_ = 0;
+};
+
 }  // namespace telenano::afm

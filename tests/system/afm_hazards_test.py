@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Hazards of an AFM that are neither a lost connection nor a dead signal, with the real programs over TCP: the latch on disk, ports
 that are not the last run's, two stations, two deadmen, a drain while the tip presses, withdrawals that are answered and not done, a
-controller that is slow in the checks.
+controller that is slow in the checks, a signal that dips.
 
 afm_hazards_test.py SOURCE_DIR TELENANO_NVE TELENANO_AFM_SIM TELENANO_MASTER [unittest's arguments]
 """
@@ -67,8 +67,8 @@ class Base(deadman_test.Rig):
         finally:
             client.close()
 
-    def press(self, server, *words):
-        (self.path / "press.csv").write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,-5\n600,0,0,-5\n")
+    def press(self, server, *words, to_nm=-5):
+        (self.path / "press.csv").write_text(f"t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,{to_nm}\n600,0,0,{to_nm}\n")
         port = re.search(r"serving an AFM on 127\.0\.0\.1:(\d+)", server.text)[1]
         return self.start(MASTER, "run", "--server", f"127.0.0.1:{port}", "--task", "script", "--script", self.path / "press.csv",
                           "--duration-s", "600", "--rt-priority", "0", *words)
@@ -299,6 +299,25 @@ class Hazards(Base):
         self.assertGreater(force_nn, 20, "it did press")
         self.assertLess(force_nn, LIMIT_NN + LATE_NN)
         self.assertIn("SafeTip 0 times", text)
+
+    def test_a_signal_that_dips_lets_the_tip_no_deeper(self):
+        control = self.path / "faults.txt"
+        simulator = self.simulator("--control", control)
+        server = self.serving()
+        station = self.press(server, "--force-scale", "1e6", to_nm=-20)  # so that the force does not push the hand back
+        self.contact(station)
+        time.sleep(2)
+        for depth_nm, length_ms in ((4, 12), (8, 12), (4, 30), (8, 30)):
+            control.write_text(f"dip {depth_nm}nm {length_ms}ms\n")
+            self.assertTrue(simulator.says(f"dip {depth_nm}nm {length_ms}ms"), simulator.text)
+            time.sleep(0.5)
+        station.stop()
+        server.stop()
+        up, force_nn, text = self.end_of(simulator)
+        self.assertTrue(up, text)
+        print(f"a signal that dips: pressed with {force_nn} nN of {LIMIT_NN}", file=sys.stderr)
+        self.assertGreater(force_nn, 0.95 * LIMIT_NN, "held by the limit")
+        self.assertLess(force_nn, LIMIT_NN + 5, "noise, thermal bending since the tare")
 
     def test_what_is_published(self):
         self.simulator()
