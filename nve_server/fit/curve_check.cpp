@@ -13,6 +13,7 @@ constexpr double kTurns = 0.05;  // of the range: further back than a sensor's n
 constexpr double kWay = 0.1;     // of the other way's range: less is no way
 constexpr double kStill = 0.1;   // of the usual speed
 constexpr double kStillMost = 0.03;  // of the range, within a pause
+constexpr double kTilt = 0.03;       // of a baseline, nm/nm, whatever the slope in contact
 constexpr double kFree = 0.3;        // of the slope in contact: a baseline tilts less
 constexpr double kFlat = 0.25;       // of the slope in contact: a clipped detector
 constexpr double kFastest =
@@ -93,11 +94,18 @@ double contact_slope(const PreparedSegment& approach) {
   return largest;
 }
 
-bool stands_out(const PreparedCurve& curve, bool approach, std::size_t i, double by_nm) {
+/// Over the baseline of its way.
+double height_nm(const PreparedCurve& curve, bool approach, std::size_t i) {
   const PreparedSegment& segment = approach ? curve.approach : curve.retract;
   const int way = approach ? 0 : 1;
-  const double base_nm = curve.offset_nm[way] + curve.tilt[way] * (segment.z_nm[i] - curve.z_middle_nm);
-  return std::abs(segment.deflection_nm[i] - base_nm) > 6 * curve.noise_nm + by_nm;
+  return segment.deflection_nm[i] - curve.offset_nm[way] -
+         curve.tilt[way] * (segment.z_nm[i] - curve.z_middle_nm);
+}
+
+/// Pressed as at the deepest point, out of the noise.
+bool is_pressed(const PreparedCurve& curve, bool approach, std::size_t i) {
+  const double deepest = height_nm(curve, true, curve.approach.z_nm.size() - 1);
+  return (deepest > 0 ? 1 : -1) * height_nm(curve, approach, i) > 6 * curve.noise_nm;
 }
 
 /// Of readings: what their changes are multiples of; next to nothing where they are not in steps.
@@ -128,10 +136,11 @@ bool has_equal_readings(const PreparedCurve& curve, double contact) {
     const auto [low, high] = std::minmax_element(z.begin() + static_cast<std::ptrdiff_t>(begin),
                                                  z.begin() + static_cast<std::ptrdiff_t>(end));
     const bool approach = begin < in;
-    if (!stands_out(curve, approach, approach ? begin : begin - in, 8 * step_nm) ||
-        !(contact * (*high - *low) > 8 * step_nm))
+    const double limit_nm = 8 * step_nm + 6 * curve.noise_nm;
+    if (!(std::abs(height_nm(curve, approach, approach ? begin : begin - in)) > limit_nm) ||
+        !(contact * (*high - *low) > limit_nm))
       continue;
-    const std::size_t beside = std::max<std::size_t>(2, (end - begin) / 4);
+    const std::size_t beside = std::max<std::size_t>(4, end - begin);
     const auto steep = [&](std::size_t i, std::size_t j) {
       return i != j && std::abs(d[i] - d[j]) > kFree * contact * std::abs(z[i] - z[j]);
     };
@@ -189,14 +198,15 @@ bool is_flat_at_the_turn(const PreparedCurve& curve, double contact) {
       const auto width = static_cast<std::size_t>(length_nm / usual_nm[i]);
       if (3 * width > n) return false;
       const std::size_t begin = i == 0 ? n - width : 0;
-      if (!stands_out(curve, i == 0, i == 0 ? begin : width - 1, 0)) return false;
+      if (!is_pressed(curve, i == 0, i == 0 ? begin : width - 1)) return false;
       const double moved_nm = std::abs(way.z_nm[begin + width - 1] - way.z_nm[begin]);
       if (!(moved_nm > 0.5 * usual_nm[i] * static_cast<double>(width - 1))) flat = bends = false;
       const Slope slope = slope_of(way, begin, begin + width);
       flat = flat && width >= 8 && slope.good && std::abs(slope.value) + 3 * slope.error < kFlat * contact;
       const Missing missing = missing_at_the_turn(way, i == 0, width, curve.noise_nm);
-      bends = bends && missing.flat_nm > kFlat * contact * 0.5 * moved_nm &&
-              missing.height_nm > 0.6 * missing.flat_nm;
+      bends = bends && is_pressed(curve, i == 0, i == 0 ? n - 3 * width : 3 * width - 1) &&
+              missing.height_nm > 2.5 * missing.error_nm &&
+              missing.flat_nm > kFlat * contact * 0.5 * moved_nm && missing.height_nm > 0.6 * missing.flat_nm;
       missing_nm += missing.height_nm;
       variance += missing.error_nm * missing.error_nm;
     }
@@ -230,7 +240,7 @@ bool is_in_contact(const PreparedSegment& segment, bool approach, double contact
   const std::size_t first = approach ? segment.free_begin : segment.free_end - quarter;
   for (const std::size_t begin : {first, first + quarter - width}) {
     const Slope slope = slope_of(segment, begin, begin + width);
-    if (slope.good && std::abs(slope.value) - 3 * slope.error > kFree * contact) return true;
+    if (slope.good && std::abs(slope.value) - 3 * slope.error > std::max(kFree * contact, kTilt)) return true;
   }
   return false;
 }
@@ -251,6 +261,7 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
   const double noise_nm = std::max(rough_noise(approach_z_nm), rough_noise(retract_z_nm));
   const double slower_nm = std::min(usual_nm[0], usual_nm[1]);
   const double fewer = std::min(in_nm / usual_nm[0], out_nm / usual_nm[1]);
+  const double mean = 0.5 * (in_nm / usual_nm[0] + out_nm / usual_nm[1]);
   auto width = static_cast<std::size_t>(std::max(1.0, fewer / 100));
   const double noisy = 50 * noise_nm / slower_nm;
   while (static_cast<double>(width * width * width) < noisy * noisy && width < approach_z_nm.size() / 20)
@@ -258,6 +269,7 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
   // Of the moves from block to block: the part of what it goes at the usual speed.
   std::vector<double> part;
   std::vector<double> place_nm;
+  std::size_t turn = 0;
   for (int way = 0; way < 2; ++way) {
     const std::vector<double> means = block_means(*ways[way], width);
     double farthest = -1e300;
@@ -270,18 +282,21 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
       if (i > 0)
         part.push_back(std::abs(means[i] - means[i - 1]) / (usual_nm[way] * static_cast<double>(width)));
     }
-    if (way == 0) part.push_back(0);  // over the turn
+    if (way == 0) turn = part.size();
+    if (way == 0) part.push_back(0);
   }
   for (std::size_t begin = 0, end = 0; begin < part.size(); begin = end + 1) {
     end = begin;
     while (end < part.size() && part[end] < kStill) ++end;
     // A wait away from the sample, before or after, does no harm.
     if (end == begin || begin == 0 || end == part.size()) continue;
-    const double points = static_cast<double>((end - begin) * width);
+    // Over the turn a block may go forth and back.
+    const std::size_t over_turn = begin <= turn && turn < end ? 1 : 0;
+    const double points = static_cast<double>((end - begin - over_turn) * width);
     const bool sudden =
         (begin < 2 || part[begin - 2] > 0.5) && (end + 1 >= part.size() || part[end + 1] > 0.5);
     const bool far = std::abs(place_nm[end] - place_nm[begin]) > kStillMost * std::max(in_nm, out_nm);
-    if (!far && points >= 5 && points > (sudden ? 0.015 : 0.1) * fewer)
+    if (!far && points >= 4 && points > (sudden ? 0.008 : 0.1) * mean)
       return "has a pause (dwell) of some " + std::to_string(static_cast<long>(points)) +
              " points: leave out its rows, it belongs to neither way";
   }
@@ -303,8 +318,11 @@ std::string wrong_deflection(const PreparedCurve& curve) {
            "press less";
   const PreparedSegment& a = curve.approach;
   const std::size_t n = a.z_nm.size();
-  const Slope deepest = slope_of(a, n - std::max<std::size_t>(n / 20, 5), n);
-  if (deepest.value - 3 * deepest.error > kFastest) {
+  const std::size_t width = std::max<std::size_t>(n / 20, 5);
+  const Slope deepest = slope_of(a, n - width, n);
+  // Slow noise is seen as a slope.
+  const double slow = 2 * curve.noise_nm / std::abs(a.z_nm[n - width] - a.z_nm[n - 1]);
+  if (deepest.good && deepest.value - std::max(3 * deepest.error, slow) > kFastest) {
     std::ostringstream text;
     text.precision(3);
     text << "has a deflection that grows " << deepest.value
