@@ -261,7 +261,6 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
   const double noise_nm = std::max(rough_noise(approach_z_nm), rough_noise(retract_z_nm));
   const double slower_nm = std::min(usual_nm[0], usual_nm[1]);
   const double fewer = std::min(in_nm / usual_nm[0], out_nm / usual_nm[1]);
-  const double mean = 0.5 * (in_nm / usual_nm[0] + out_nm / usual_nm[1]);
   auto width = static_cast<std::size_t>(std::max(1.0, fewer / 100));
   const double noisy = 50 * noise_nm / slower_nm;
   while (static_cast<double>(width * width * width) < noisy * noisy && width < approach_z_nm.size() / 20)
@@ -296,7 +295,7 @@ std::string wrong_motion(const std::vector<double>& approach_z_nm, const std::ve
     const bool sudden =
         (begin < 2 || part[begin - 2] > 0.5) && (end + 1 >= part.size() || part[end + 1] > 0.5);
     const bool far = std::abs(place_nm[end] - place_nm[begin]) > kStillMost * std::max(in_nm, out_nm);
-    if (!far && points >= 4 && points > (sudden ? 0.008 : 0.1) * mean)
+    if (!far && points >= 4 && points > (sudden ? 0.008 : 0.1) * fewer)
       return "has a pause (dwell) of some " + std::to_string(static_cast<long>(points)) +
              " points: leave out its rows, it belongs to neither way";
   }
@@ -307,9 +306,9 @@ std::string wrong_deflection(const PreparedCurve& curve) {
   const double contact = contact_slope(curve.approach);
   if (!(contact > 0)) return {};
   if (is_in_contact(curve.approach, true, contact))
-    return "begins in contact, or not far enough from the sample: an approach from far away is needed, and "
-           "then its "
-           "retract";
+    return "begins in contact, or not far enough from the sample: a file needs an approach from far away, "
+           "then "
+           "its retract";
   if (is_in_contact(curve.retract, false, contact))
     return "ends in contact, or not far enough from the sample: a retract that goes far away is needed";
   if (has_equal_readings(curve, contact) || is_flat_at_the_turn(curve, contact) ||
