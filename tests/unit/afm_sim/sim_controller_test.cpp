@@ -321,27 +321,12 @@ TEST(SimFaults, WhatAPersonWrites) {
   EXPECT_EQ(dip.kind, FaultKind::kDip);
   EXPECT_EQ(dip.depth_nm, -0.5);
   EXPECT_EQ(dip.length_ns, 12'000'000);
-  const char* const bad_texts[] = {"",
-                                   "@",
-                                   "silent",
-                                   "silent 5",
-                                   "silent -1s",
-                                   "silent 1s 2s",
-                                   "loud 1s",
-                                   "@x reset",
-                                   "slow 1s",
-                                   "dip 8 12ms",
-                                   "dip 12ms",
-                                   "dip 8nm 12",
-                                   "dip nannm 1s",
-                                   "withdraw",
-                                   "withdraw 3",
-                                   "withdraw half",
-                                   "withdraw half -3",
-                                   "withdraw half 3x",
-                                   "withdraw undone 1001",
-                                   "withdraw undone 99999999999"};
-  for (const char* bad : bad_texts) EXPECT_THROW(parse_fault(bad, "--fault"), UserError) << bad;
+  for (const char* bad : {"", "@", "silent", "silent 5", "silent -1s", "silent 1s 2s", "loud 1s", "@x reset",
+                          "slow 1s", "dip 8 12ms", "dip 12ms", "dip 8nm 12", "dip nannm 1s"})
+    EXPECT_THROW(parse_fault(bad, "--fault"), UserError) << bad;
+  for (const char* bad : {"withdraw", "withdraw 3", "withdraw half", "withdraw half -3", "withdraw half 3x",
+                          "withdraw undone 1001", "withdraw undone 99999999999"})
+    EXPECT_THROW(parse_fault(bad, "--fault"), UserError) << bad;
 }
 
 }  // namespace
