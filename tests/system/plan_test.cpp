@@ -390,9 +390,31 @@ TEST_F(PlanTest, WhatWillBeFeltIsWhatASessionFeels) {
   const Plan blind = plan_of({"--server", silent.address(), "--felt"});
   EXPECT_EQ(blind.at("felt"), "unknown");
   EXPECT_NE(blind.at("words").find("does not share its scene"), std::string::npos) << blind.at("words");
+  EXPECT_EQ(blind.at("felt_unknown_because"), "this server does not share its scene");
   const Finished refused = run_program({kMaster, "plan", "--limits", path("none.toml"), "--felt"});
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("--felt needs --server"), std::string::npos) << refused.err;
+}
+
+// 265 kB over 60 kbit/s take twice as long as a plan waits for them.
+TEST_F(PlanTest, ASceneThatIsStillFetchedIsNotCalledOneThatIsNotShared) {
+  Server server(scene_path("flakes"));
+  ChildProcess relay(
+      {kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--rate-bit-s", "60000"});
+  const std::string before_port = "relay on 127.0.0.1:";
+  ASSERT_TRUE(relay.wait_for_err(before_port, kLong) && relay.wait_for_err("\n", kLong)) << relay.err();
+  const std::string said = relay.err();
+  const int port = std::atoi(said.c_str() + said.find(before_port) + before_port.size());
+  ::setenv("XDG_CACHE_HOME", path("cache").c_str(), 1);  // where no other session has left it
+  const Plan plan = plan_of({"--server", "127.0.0.1:" + std::to_string(port), "--felt"});
+  ::unsetenv("XDG_CACHE_HOME");
+  relay.signal(SIGTERM);
+  ASSERT_EQ(plan.at("felt"), "unknown");
+  EXPECT_NE(plan.at("felt_unknown_because").find("is still being fetched: "), std::string::npos)
+      << plan.at("felt_unknown_because");
+  EXPECT_NE(plan.at("words").find("note: the server's scene is being fetched: "), std::string::npos)
+      << plan.at("words");
+  EXPECT_EQ(plan.at("words").find("does not share"), std::string::npos) << plan.at("words");
 }
 
 }  // namespace

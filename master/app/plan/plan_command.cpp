@@ -124,7 +124,7 @@ device::DeviceInfo device_info(const PlanOptions& options, const StationFile& fi
 
 std::string on_its_way(const scene_store::SceneKeeper& keeper) {
   if (keeper.bundle() != nullptr) return "being checked";
-  return fmt::format("being fetched, {:.0f} % is here", 100 * keeper.fetched());
+  return fmt::format("being fetched: {:.0f} % is here", 100 * keeper.fetched());
 }
 
 /// The sample of the session, pressed here, not at the server.
@@ -263,6 +263,15 @@ void print_table(const StationFile& file, const Far& far, const control::Scaling
   row("felt_force_max", plan.felt_force_max_n, "N");
 }
 
+/// As a value of the table: some of the words are a scene's.
+std::string one_value(std::string words) {
+  for (char& c : words) {
+    if (c == ',') c = ';';
+    if (static_cast<unsigned char>(c) < ' ') c = ' ';
+  }
+  return words;
+}
+
 double felt_n(double tip_nn, const control::ScalingPlan& plan) {
   return std::min(tip_nn * 1e-9 * plan.scaling.force, plan.felt_force_max_n);
 }
@@ -271,8 +280,11 @@ void print_felt(const StationFile& file, const Far& far, const control::ScalingP
   config::print(stdout, "scene,{},\n", far.slave.scene_name);
   config::print(stdout, "felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
   if (!far.touch) {
-    config::print(stdout, "felt,unknown,\nfelt_unknown_because,{},\n", far.no_touch);
-    config::print(stderr, "felt: not known, {}\n", far.no_touch);
+    config::print(stdout, "felt,unknown,
+felt_unknown_because,{},
+", one_value(far.no_touch));
+    config::print(stderr, "felt: not known, {}
+", far.no_touch);
     return;
   }
   config::print(stdout, "felt,{},\n", far.touch->touched ? "touch" : "no_touch");

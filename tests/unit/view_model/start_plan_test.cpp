@@ -39,7 +39,7 @@ TEST(StartPlan, WhatIsNotKnownIsNotSaid) {
 TEST(StartPlan, WhyTouchIsNotKnownIsSaid) {
   for (const std::string why :
        {"this server does not share its scene",
-        "after 16 s the server's scene is still being fetched, 43 % is here; ask again",
+        "after 16 s the server's scene is still being fetched: 43 % is here; ask again",
         "the server's scene cannot be used: a, b; the session goes on without"}) {
     const std::string text = words(kTable + "felt,unknown,\nfelt_unknown_because," + why + ",\n");
     EXPECT_NE(text.find("Touch and pull-off are not known before: " + why + "\n"), std::string::npos) << text;
