@@ -89,8 +89,9 @@ void Gui::load_fonts() {
     config.SizePixels = size_px * scale_;
     return io.Fonts->AddFontDefault(&config);
   };
+  // Whole numbers: Dear ImGui rounds others down from 1.90 on.
   text_ = font(kRegular, 14);
-  small_ = font(kRegular, 11.5f);
+  small_ = font(kRegular, 11);
   large_ = font(bold ? kBold : kRegular, 19);
   has_greek_ = found;
 }
