@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Fuzzes the project's inputs: installs what is missing, builds with clang, AddressSanitizer and UndefinedBehaviorSanitizer, runs.
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
-targets=(datagram session dtls toml gsf gwy curve thermal bundle steps snapshot checkpoint hdf5 path)
+targets=(datagram session dtls toml gsf gwy curve thermal bundle steps snapshot hdf5 path)
 usage() {
   cat <<H
 usage: deploy/fuzz.sh [--no-install] [--runs N | --seconds S] [TARGET ...]
@@ -59,7 +59,7 @@ seeds_of() { # what the project has of this kind already, and what was made for 
 }
 longest_of() { # bytes of an input: longer ones only cost time
   case $1 in
-    datagram) echo 600 ;; session|hdf5) echo 120 ;; dtls) echo 200 ;; steps) echo 300 ;; snapshot|checkpoint) echo 200 ;; gsf) echo 512 ;; gwy) echo 800 ;; toml) echo 2200 ;; bundle) echo 1500 ;; curve) echo 16000 ;; thermal) echo 12000 ;; *) echo 4096 ;;
+    datagram) echo 600 ;; session|hdf5) echo 120 ;; dtls) echo 200 ;; steps) echo 300 ;; snapshot) echo 200 ;; gsf) echo 512 ;; gwy) echo 800 ;; toml) echo 2200 ;; bundle) echo 1500 ;; curve) echo 16000 ;; thermal) echo 12000 ;; *) echo 4096 ;;
   esac
 }
 

@@ -55,7 +55,6 @@ void ClientSession::new_attempt(std::int64_t now_ns) noexcept {
   nonce_ = next_nonce();
   cookie_ = 0;
   hellos_sent_ = 0;
-  turned_away_ = false;
   attempt_start_ns_ = now_ns;
   next_hello_ns_ = now_ns;
   backoff_ns_ = config_.hello_first_ns;
@@ -260,7 +259,6 @@ ClientEvent ClientSession::on_refuse(const Refuse& refuse, std::int64_t now_ns) 
   const bool passing = refuse.reason == RefuseReason::kFull || refuse.reason == RefuseReason::kShuttingDown;
   if (passing && sessions_ > 0) {
     // There was a session, and a person holds the handle: keep asking, slowly.
-    turned_away_ = true;
     backoff_ns_ = config_.hello_last_ns;
     next_hello_ns_ = now_ns + backoff_ns_;
   } else {

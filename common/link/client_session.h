@@ -166,10 +166,8 @@ class ClientSession {
   DropCause last_drop() const noexcept { return last_drop_; }
   const ReceivedEnergy& slave_energy_aj() const noexcept { return slave_energy_; }
 
-  /// valid in kRefused, after kSwitchRefused, and where turned_away()
+  /// The newest one; valid in kRefused and after kSwitchRefused.
   const Refuse& refuse() const noexcept { return refuse_; }
-  /// Refused since this attempt began, for a reason that may pass: it goes on asking, slowly.
-  bool turned_away() const noexcept { return turned_away_; }
   ByeReason bye_reason() const noexcept { return bye_reason_; }  ///< of the last Bye received
   std::int64_t state_since_ns() const noexcept { return state_since_ns_; }
   std::uint32_t hellos_sent() const noexcept { return hellos_sent_; }  ///< of the present attempt
@@ -253,7 +251,6 @@ class ClientSession {
   LinkQuality past_;  ///< counts of the sessions before this one
   ReceivedEnergy slave_energy_;
   Refuse refuse_;
-  bool turned_away_ = false;
   ByeReason bye_reason_ = ByeReason::kDone;
 
   LinkStats stats_;

@@ -115,7 +115,6 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     verdict.kind = Kind::kAskOthers;
     return verdict;
   }
-  if (context.draining) return refuse(RefuseReason::kShuttingDown, DropCause::kUnexpected);
   // What cannot be had costs the others none of the shared rate.
   const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
   if (!context.has_time || !table.has_room(opener) || !has_place())

@@ -35,7 +35,6 @@ struct HelloVerdict {
 /// What the server knows besides the Hello itself.
 struct HelloContext {
   bool shutting_down = false;
-  bool draining = false;        ///< what runs may be resumed, nothing is opened
   bool has_time = true;         ///< else a new session is refused: those that are there take all of it
   bool may_open = true;         ///< else a new session must wait; its Hello comes again
   bool address_proven = false;  ///< by a secure channel: the first Hello is answered by a Welcome

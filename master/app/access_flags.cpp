@@ -29,7 +29,7 @@ void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
       ->type_name("FILE");
   command
       .add_option("--server-key", access.server_key,
-                  "The server's public key, as printed by telenano-nve keys identity; several servers: "
+                  "The server's public key, as printed by telenano-nve keys identity; several: "
                   "separated by commas")
       ->type_name("sha256:HEX");
   command

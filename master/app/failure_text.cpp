@@ -17,8 +17,8 @@ std::string device_trouble(const RealTimeSession& live) {
 
 std::string failure_text(const RealTimeSession& live, const station::Station& station,
                          const link::ClientSession& session, const RunOptions& options,
-                         const connection::ServerList& servers, double rate_hz) {
-  const std::string& server = servers.name();
+                         const connection::ServerLink& way, double rate_hz) {
+  const std::string& server = options.server;
   const auto tip_stayed_up = [&](const std::string& what) {
     return fmt::format(
         "{}: the server at {} kept the tip withdrawn all the time, so the force was zero; its log says why",
@@ -52,11 +52,8 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
             "the server at {} shut down and did not come back within {:g} s; the force is zero", server,
             options.give_up_s);
       }
-      if (servers.size() > 1)
-        return fmt::format("none of the servers {} accepted the session within {:g} s; the force is zero",
-                           options.server, options.give_up_s);
       return fmt::format("the server at {} has been silent for {:g} s; the force is zero{}", server,
-                         options.give_up_s, servers.link().failure());
+                         options.give_up_s, way.failure());
   }
   return "";
 }

@@ -87,20 +87,4 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
   }
 }
 
-void connect_to_any(std::optional<link::ClientSession>& session, const link::ClientConfig& config,
-                    ServerList& servers, double rate_hz, const std::atomic<bool>& stop,
-                    const std::function<void(const std::string&)>& tell) {
-  for (std::size_t tried = 1;; ++tried) {
-    session.emplace(config);
-    try {
-      return connect(*session, servers.link(), servers.address(), rate_hz, servers.access(), stop);
-    } catch (const RunError& error) {
-      const Farewell farewell(*session, servers.link().datagram(), servers.address());
-      if (stop || tried == servers.size()) throw;
-      servers.go_on();
-      tell(fmt::format("{}; going on to {}", error.what(), servers.name()));
-    }
-  }
-}
-
 }  // namespace telenano::connection

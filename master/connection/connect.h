@@ -2,15 +2,12 @@
 
 #include <array>
 #include <atomic>
-#include <functional>
-#include <optional>
 #include <span>
 #include <string>
 
 #include "telenano/common/link/client_session.h"
 #include "telenano/master/connection/server_access.h"
 #include "telenano/master/connection/server_link.h"
-#include "telenano/master/connection/server_list.h"
 
 namespace telenano::connection {
 
@@ -22,13 +19,6 @@ std::uint64_t random_nonce_seed();
 /// what to do, when there is no answer in time, when the server refuses, or on `stop`.
 void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
              const ServerAccess& access, const std::atomic<bool>& stop);
-
-/// connect() to the first server of the list that takes the session, from the current one on; that one is
-/// then the current one. `tell` hears why each of the others does not. Throws the last one's RunError, or on
-/// `stop`.
-void connect_to_any(std::optional<link::ClientSession>& session, const link::ClientConfig& config,
-                    ServerList& servers, double rate_hz, const std::atomic<bool>& stop,
-                    const std::function<void(const std::string&)>& tell);
 
 /// Why the server refuses, and what to do about it; one line.
 std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::string& server);

@@ -33,7 +33,6 @@ class ServerLink {
   std::string failure() const;
   /// Why nothing comes from `server`, as far as the network tells, and what to do: the end of a message.
   std::string advice(const std::string& server) const;
-  bool nobody_listens() const noexcept { return socket_.unreachable() != net::Unreachable::kNo; }
   /// Marks what is sent; false where the system does not let us.
   bool set_dscp(int dscp) noexcept { return socket_.set_dscp(dscp); }
   void wait_readable(std::int64_t timeout_ns) noexcept { socket_.wait_readable(timeout_ns); }

@@ -15,7 +15,7 @@ namespace {
 constexpr std::size_t kHostMost = 253;   // RFC 1035, 2.3.4, without the root's dot
 constexpr std::size_t kPathMost = 4095;  // PATH_MAX of Linux, without the zero at the end
 constexpr std::size_t kSceneMost = 255;
-constexpr std::size_t kServersMost = 4095;
+constexpr std::size_t kServerMost = 4095;
 constexpr std::size_t kQuoted = 40;  // characters of what was typed that a line repeats
 
 /// Bytes of the character of UTF-8 that stands there; 0: none does.
@@ -80,8 +80,11 @@ std::string host_fault(const std::string& host) {
                      shown_text(host, kQuoted));
 }
 
-std::string one_server_fault(const std::string& server) {
-  if (server.empty()) return "A server is missing beside the comma: HOST:PORT,HOST:PORT";
+std::string server_fault(const std::string& server) {
+  if (server.empty()) return "Name a server: HOST:PORT of a telenano-nve serve";
+  if (server.size() > kServerMost)
+    return fmt::format("At most {} characters, these are {}", kServerMost, server.size());
+  if (std::string fault = name_fault(server); !fault.empty()) return fault;
   if (server.front() == '[') {
     const std::size_t close = server.find(']');
     if (close == std::string::npos) return "The IPv6 address needs its closing bracket: [::1]:5100";
@@ -113,17 +116,6 @@ std::vector<std::string> entries_of(const std::string& list) {
   return entries;
 }
 
-std::string server_fault(const std::string& servers) {
-  if (servers.empty()) return "Name a server: HOST:PORT of a telenano-nve serve";
-  if (servers.size() > kServersMost)
-    return fmt::format("At most {} characters, these are {}", kServersMost, servers.size());
-  if (std::string fault = name_fault(servers); !fault.empty()) return fault;
-  for (const std::string& server : entries_of(servers)) {
-    if (std::string fault = one_server_fault(server); !fault.empty()) return fault;
-  }
-  return "";
-}
-
 /// Any bytes but a zero may be a file's name: only its length is judged here.
 std::string path_fault(const std::string& path) {
   if (path.size() <= kPathMost) return "";
@@ -133,8 +125,8 @@ std::string path_fault(const std::string& path) {
 std::string server_key_fault(const std::string& keys) {
   constexpr std::string_view kBefore = "sha256:";
   constexpr std::size_t kDigits = 64;
-  if (keys.size() > kServersMost)
-    return fmt::format("At most {} characters, these are {}", kServersMost, keys.size());
+  if (keys.size() > kServerMost)
+    return fmt::format("At most {} characters, these are {}", kServerMost, keys.size());
   for (const std::string& key : entries_of(keys)) {
     const bool whole = key.size() == kBefore.size() + kDigits && key.starts_with(kBefore) &&
                        key.find_first_not_of("0123456789abcdef", kBefore.size()) == std::string::npos;

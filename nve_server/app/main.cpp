@@ -32,7 +32,7 @@ void offer_bundle(telenano::scene::SceneWithBundle both, telenano::server::Serve
   for (std::size_t i = 0; i < hash.size(); ++i)
     to_fetch->offer.hash[i / 8] |= std::uint64_t{hash[i]} << (8 * (i % 8));
   to_fetch->offer.bytes = static_cast<std::uint32_t>(both.bundle.size());
-  to_fetch->offer.canonical_motion = served.physics;
+  to_fetch->offer.canonical_motion = telenano::slave::canonical_motion_hash(both.scene);
   to_fetch->bytes = std::move(both.bundle);
   served.to_fetch = std::move(to_fetch);
 }
@@ -62,7 +62,6 @@ telenano::server::ServedScene serve_scene(const std::string& path, const std::st
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;
   served.timeout_ms = scene->session_timeout_ms;
-  served.physics = telenano::slave::canonical_motion_hash(scene);
   offer_bundle(std::move(both), served);
   if (surface_folder.empty()) {
     served.make_slave = telenano::slave::nve_slaves(scene);

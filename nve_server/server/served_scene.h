@@ -28,9 +28,6 @@ struct ServedScene {
   bool one_tip_only = false;        ///< there is only one, as with a real instrument: never Share::kPrivate
   std::shared_ptr<const SceneToFetch> to_fetch;  ///< null: it cannot be fetched,
   std::string why_no_fetch;                      ///< because of this; empty: there is nothing to say
-  /// What the server's own physics make of the scene (slave::canonical_motion_hash): a session's checkpoint is
-  /// taken up by the same only. 0: there are no checkpoints.
-  std::uint64_t physics = 0;
 };
 
 /// "flakes" → {'f','l',…,0}; cut to what fits.

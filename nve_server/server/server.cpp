@@ -91,8 +91,6 @@ std::vector<Server::Offered> Server::offered(const ServerConfig& config, std::ve
   if (scenes.size() > 1 && config.share == Share::kOneTip)
     throw UserError(
         "several scenes need a tip for each session: leave out --share one-tip, or serve one scene");
-  if (scenes.size() > 1 && config.checkpoints != nullptr)
-    throw UserError("--checkpoint: keeps sessions of one scene; serve one scene, or leave it out");
   require_apart(scenes);
   std::vector<Offered> all;
   for (ServedScene& scene : scenes) {

@@ -16,7 +16,6 @@
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/server/audit.h"
-#include "telenano/nve_server/server/checkpoint_queue.h"
 #include "telenano/nve_server/server/load_estimate.h"
 #include "telenano/nve_server/server/opening_budget.h"
 #include "telenano/nve_server/server/port_account.h"
@@ -47,7 +46,7 @@ class Server {
   /// makes no slave.
   Server(const ServerConfig& config, ServedScene scene);
   /// Several, at least one, all with hashes of their own: a session begins in the first, and its station may have
-  /// another. Throws UserError with a shared tip and with checkpoints too.
+  /// another. Throws UserError with a shared tip too.
   Server(const ServerConfig& config, std::vector<ServedScene> scenes);
 
   /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
@@ -98,16 +97,6 @@ class Server {
   /// A slave may move without commands: poll() is to be called each tick.
   bool retracts() const noexcept { return table_.occupied() > table_.active() || withdrawing_; }
 
-  /// From now on no session is opened; those that there are go on, and are resumed.
-  void drain() noexcept { draining_ = true; }
-
-  /// At the end, before next_bye(): leaves the sessions, as they are now, to other servers, or to the next start
-  /// of this one. No datagram may come from now on but after next_bye(). Call it until it returns true: then
-  /// they may be had. At once where there are no checkpoints.
-  bool hand_out(std::int64_t now_ns) noexcept;
-  /// Between two calls of that: a Bye to a session which may be had already, so that its station does not wait for
-  /// the others'. 0: none now.
-  std::size_t next_handed_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
   /// Shutting down: from now on Hellos are refused, and commands answered by a Bye; call until it returns 0,
   /// sending each Bye to `to`. poll() goes on retracting.
   std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
@@ -142,17 +131,8 @@ class Server {
   void audit_holder(std::size_t before, std::int64_t now_ns) noexcept;
   void hand_over(std::size_t slot, const HandoffMessage& question) noexcept;
   bool adopt(SessionState& state) noexcept;
-  void restore(SessionState& state, std::uint32_t ticket) noexcept;
-  void let_go(const HandoffMessage& message) noexcept;
   std::uint64_t party_of(const net::Address& from, std::uint64_t owner) const noexcept;
-  void write_checkpoints(std::int64_t now_ns) noexcept;
   std::size_t free_places() const noexcept { return table_.capacity() - table_.occupied(); }
-  bool may_take_up() const noexcept;
-  void give_back(std::uint64_t token, std::uint64_t owner) noexcept;
-  bool post_give_back(SessionRecord& record) noexcept;
-  bool post_hand_out(std::size_t slot, std::int64_t now_ns) noexcept;
-  std::size_t post_checkpoint(std::size_t slot, CheckpointNote::Kind kind, std::int64_t now_ns) noexcept;
-  void end_checkpoints(SessionRecord& record) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   std::size_t on_scene_request(const link::SceneRequest& request, const net::Address& from,
@@ -239,15 +219,11 @@ class Server {
   TipHolder holder_;
   bool withdrawing_ = false;  ///< the shared tip
   TokenSearch search_;
-  std::size_t next_checkpoint_ = 0;  ///< slot that is looked at next
-  std::size_t next_hand_out_ = 0;
-  std::size_t next_handed_bye_ = 0;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   LoadEstimate load_;
   OpeningBudget openings_;
   std::vector<OpeningBudget> party_openings_;  ///< of the party whose number falls there
   const rt::Clock* clock_ = nullptr;           ///< of the datagram at hand; may be null
-  bool draining_ = false;
   bool shutting_down_ = false;
   net::Standing standing_;        ///< of the datagram at hand
   std::int64_t now_ns_ = 0;       ///< its time, or that of poll()

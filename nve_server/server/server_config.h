@@ -7,7 +7,6 @@
 #include "telenano/common/link/session_table.h"
 #include "telenano/common/link/siphash.h"
 #include "telenano/nve_server/server/audit.h"
-#include "telenano/nve_server/server/checkpoint_queue.h"
 #include "telenano/nve_server/server/session_cap.h"
 #include "telenano/nve_server/server/work_budget.h"
 #include "telenano/nve_server/server/worker_mail.h"
@@ -54,10 +53,8 @@ struct ServerConfig {
   /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
   WorkerMail* mail = nullptr;
   std::size_t worker = 0;
-  AuditQueue* audit = nullptr;             ///< this worker's own, outlives the server; null: nobody asks
-  CheckpointQueue* checkpoints = nullptr;  ///< this worker's own, outlives the server; null: none are made
-  std::int64_t checkpoint_period_ns = 1'000'000'000;  ///< of one session
-  SessionCap* cap = nullptr;  ///< of all workers' active sessions; table.capacity holds for each besides
+  AuditQueue* audit = nullptr;  ///< this worker's own, outlives the server; null: nobody asks
+  SessionCap* cap = nullptr;    ///< of all workers' active sessions; table.capacity holds for each besides
 };
 
 }  // namespace telenano::server

@@ -17,8 +17,6 @@ struct ServerCounters {
   std::uint64_t scene_chunks = 0;  ///< pieces of the scene sent
   std::uint64_t moved_in = 0;      ///< handed over by another worker
   std::uint64_t moved_out = 0;     ///< to another worker
-  std::uint64_t taken_up = 0;      ///< of another server, or one before this, by their checkpoints
-  std::uint64_t handed_out = 0;    ///< left to other servers at the end
   std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
   std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
   std::uint64_t undone = 0;        ///< strokes of marks taken back
@@ -38,8 +36,6 @@ struct ServerCounters {
     holdings += more.holdings;
     recovered += more.recovered;
     scene_chunks += more.scene_chunks;
-    taken_up += more.taken_up;
-    handed_out += more.handed_out;
     work += more.work;
     deferred += more.deferred;
     cut += more.cut;

@@ -33,7 +33,6 @@ void Server::end(std::size_t slot, link::ByeReason reason, std::int64_t now_ns) 
   leave_tip(slot, now_ns);
   audit(AuditEvent::Kind::kEnded, slot, now_ns, static_cast<std::uint32_t>(reason));
   records_[slot].open = false;
-  end_checkpoints(records_[slot]);
   table_.end(slot, now_ns);
   settle_cap();
 }
@@ -48,7 +47,6 @@ void Server::leave_tip(std::size_t slot, std::int64_t now_ns) noexcept {
 void Server::forget(std::size_t slot, std::int64_t now_ns) noexcept {
   leave_tip(slot, now_ns);
   if (records_[slot].open) audit(AuditEvent::Kind::kForgotten, slot, now_ns);
-  end_checkpoints(records_[slot]);
   records_[slot] = {};
   if (!shared()) {
     tips_[slot] = {};

@@ -30,7 +30,6 @@ void publish(const Server& server, std::int64_t now_ns, LoopStatus& status) noex
   status.turns.fetch_add(1, kRelaxed);
   status.turned_ns.store(now_ns, kRelaxed);
   status.sessions.store(server.sessions().active(), kRelaxed);
-  status.occupied.store(server.sessions().occupied(), kRelaxed);
   status.exchanges.store(server.counters().exchanges, kRelaxed);
   status.drops.store(server.drops().total(), kRelaxed);
   status.opened.store(server.counters().opened, kRelaxed);
@@ -52,14 +51,9 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   ServerSnapshot snapshot;
   std::int64_t next_snapshot_ns = clock.now_ns();
   std::int64_t next_poll_ns = clock.now_ns();
-  bool drains = false;
   const rt::ThreadTime thread_time;
   std::uint32_t turns = 0;
   while (!stop.load(std::memory_order_relaxed)) {
-    if (!drains && options.drain != nullptr && options.drain->load(std::memory_order_relaxed)) {
-      drains = true;
-      server.drain();
-    }
     // At most two drains before the time-outs are looked at again, so that a flood cannot keep them waiting.
     bool drained = false;
     for (int i = 0; i < kTurns && !drained; ++i) {
@@ -97,8 +91,6 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
       publish(server, now_ns, status);
-      // After the counts: what it allowed until now is among them.
-      status.draining.store(drains, std::memory_order_release);
       if (now_ns >= next_snapshot_ns) {
         take_snapshot(server, now_ns, snapshot);
         status.snapshot.store(snapshot);

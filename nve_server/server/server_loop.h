@@ -21,8 +21,6 @@ struct LoopStatus {
   std::atomic<std::uint64_t> turns{0};          ///< of the time-outs: grows as long as the loop is alive
   std::atomic<std::int64_t> turned_ns{kNever};  ///< when it did so last
   std::atomic<std::uint64_t> sessions{0};
-  std::atomic<std::uint64_t> occupied{0};  ///< active, silent and ending ones
-  std::atomic<bool> draining{false};       ///< takes no new sessions any more
   std::atomic<std::uint64_t> exchanges{0};
   std::atomic<std::uint64_t> drops{0};
   std::atomic<std::uint64_t> opened{0};
@@ -43,7 +41,6 @@ struct LoopOptions {
       50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
   /// Of datagrams whose channel shows no key: every local user's.
   net::Rights local_rights = net::Rights::kOperate;
-  const std::atomic<bool>* drain = nullptr;  ///< when it becomes true, no session is opened any more
   ShutdownOptions shutdown;
 };
 

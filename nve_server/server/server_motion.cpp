@@ -29,7 +29,6 @@ void Server::begin_log(std::size_t slot) noexcept {
   const double ring = config_.step_ring_s * table_[slot].rate_hz;
   try {
     record.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
-    record.steps.go_on_after(record.steps_before);  // of another server; else from the first step on
     record.frozen.bytes.resize(
         std::min(tip_of(slot).slave->snapshot_bytes_max(), config_.snapshot_bytes_most));
   } catch (...) {  // out of memory: nothing moves the slave, the session stands still
@@ -230,7 +229,6 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
-  record.changed = true;
   // Of a shared slave's account the port's control sees this session's part.
   const PortAccount before = record.account;
   if (controls && anchored) input = record.control.before(command, input, last, tip.slave->limits(), dt_s);
@@ -278,7 +276,6 @@ std::uint32_t Server::undo(std::size_t slot, const link::Command& command) noexc
   }
   if (shared()) record.account.add(last, tip.output);
   if (record.steps.enabled()) record.steps.declare_break(link::kBreakUndo);
-  record.changed = true;
   ++counters_.undone;
   return 0;
 }

@@ -27,7 +27,6 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
   using Kind = link::HelloVerdict::Kind;
   link::HelloContext context;
   context.shutting_down = shutting_down_;
-  context.draining = draining_;
   OpeningBudget& party = party_opening(from, standing);
   context.has_time = config_.load_most <= 0 || load_.admits(active_hz(), hello.rate_hz);
   context.may_open = openings_.allows(now_ns) && party.allows(now_ns);
@@ -47,8 +46,7 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
   link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
   if (verdict.kind == Kind::kAskOthers) {
     verdict.kind = Kind::kDrop;
-    verdict.cause =
-        may_take_up() ? search_.ask(hello, from, standing, free_places(), now_ns) : DropCause::kRateLimited;
+    verdict.cause = search_.ask(hello, from, standing, free_places(), now_ns);
   }
   if (verdict.kind == Kind::kOpen) {
     const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;
@@ -63,13 +61,6 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
     charge_opening(party, begin_ns);
   }
   return verdict;
-}
-
-/// Those that are on their way here, or wait here for their stations, keep their places: one more would be taken from where it
-/// waits and find none, or end one of them.
-bool Server::may_take_up() const noexcept {
-  if (free_places() > 0 || search_.expected() > 0) return search_.expected() < free_places();
-  return std::none_of(records_.begin(), records_.end(), [](const SessionRecord& r) { return r.restored; });
 }
 
 void Server::open(std::size_t slot) noexcept {
@@ -107,8 +98,6 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       return codec_.encode(verdict.challenge, out);
     case Kind::kRefuse:
       audit_refusal(verdict.refuse.reason, from, standing, now_ns);
-      if (verdict.refuse.reason == link::RefuseReason::kFull)
-        give_back(hello.resume_token, standing.identity);
       return codec_.encode(verdict.refuse, out);
     case Kind::kOpen:
       open(verdict.slot);
@@ -124,7 +113,6 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   record.identity = standing.identity;
   record.rights = standing.rights;
   record.open = true;
-  record.restored = false;
   if (verdict.kind != Kind::kAgain) {
     audit(verdict.kind == Kind::kOpen ? AuditEvent::Kind::kOpened : AuditEvent::Kind::kResumed, verdict.slot,
           now_ns);

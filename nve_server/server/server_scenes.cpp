@@ -102,7 +102,6 @@ bool Server::switch_scene(std::size_t slot, std::size_t scene, std::uint64_t non
   record.account = {};
   record.frozen = {};
   record.steps = {};
-  record.steps_before = {};
   record.last_control = {};
   record.undo_asked = false;
   record.undo_faults = 0;

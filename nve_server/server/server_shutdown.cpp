@@ -12,7 +12,6 @@ namespace {
 constexpr std::int64_t kPollNs = 1'000'000;  // as often as slaves retract while the server runs
 constexpr std::int64_t kByeGapNs = 20'000'000;
 constexpr int kByes = 3;
-constexpr std::int64_t kHandOutLookNs = 200'000;
 
 struct Farewell {
   net::Address to;
@@ -24,18 +23,7 @@ struct Farewell {
 
 void shut_down(Server& server, net::Datagram& socket, const rt::Clock& clock,
                const std::function<void(std::int64_t timeout_ns)>& wait, const ShutdownOptions& options) {
-  // Before anybody is told: who is told asks another server for the session at once.
-  const std::int64_t first_ns = clock.now_ns();
   std::vector<Farewell> farewells(1);
-  while (!server.hand_out(clock.now_ns()) && clock.now_ns() - first_ns < options.hand_out_most_ns) {
-    wait(kHandOutLookNs);
-    while ((farewells.back().size =
-                server.next_handed_bye(clock.now_ns(), farewells.back().bytes, farewells.back().to)) != 0) {
-      socket.send({farewells.back().bytes.data(), farewells.back().size}, farewells.back().to);
-      farewells.emplace_back();
-    }
-    socket.flush();
-  }
   const std::int64_t start_ns = clock.now_ns();
   while ((farewells.back().size = server.next_bye(start_ns, farewells.back().bytes, farewells.back().to)) !=
          0) {

@@ -11,13 +11,11 @@
 namespace telenano::server {
 
 struct ShutdownOptions {
-  std::int64_t at_most_ns = 1'000'000'000;        ///< for the tips to be withdrawn
-  std::int64_t hand_out_most_ns = 3'000'000'000;  ///< for the last checkpoints, before that
-  const std::atomic<bool>* at_once = nullptr;     ///< when it becomes true, nothing more is waited for
+  std::int64_t at_most_ns = 1'000'000'000;     ///< for the tips to be withdrawn
+  const std::atomic<bool>* at_once = nullptr;  ///< when it becomes true, nothing more is waited for
 };
 
-/// The server's last second: leaves its sessions to other servers, where there are checkpoints, and tells each station
-/// as soon as its own may be had; says Bye to every session, three times, 20 ms apart (nobody answers it, and it
+/// The server's last second: says Bye to every session, three times, 20 ms apart (nobody answers it, and it
 /// may be lost); goes on withdrawing the tips, refuses Hellos and tells whoever still sends commands; returns
 /// when every slave is at rest. A server without sessions returns at once.
 void shut_down(Server& server, net::Datagram& socket, const rt::Clock& clock,

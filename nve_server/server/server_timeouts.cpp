@@ -34,7 +34,6 @@ void Server::poll(std::int64_t now_ns) noexcept {
   for (std::size_t n = behind_.size(); n > 0 && catch_up(now_ns); --n) {
   }
   if (shared()) return withdraw_shared_tip(now_ns);
-  write_checkpoints(now_ns);
   if (table_.occupied() == table_.active()) return;  // nobody leaves
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
@@ -42,7 +41,6 @@ void Server::poll(std::int64_t now_ns) noexcept {
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
     if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {
       retract(tips_[slot], &records_[slot].control, now_ns);
-      records_[slot].changed = true;
     }
   }
 }

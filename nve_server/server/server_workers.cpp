@@ -58,9 +58,6 @@ void Server::exchange_mail() noexcept {
   if (!search_.has_others()) return;
   HandoffMessage message;
   while (config_.mail->fetch(config_.worker, message)) {
-    const bool answers =
-        message.kind == HandoffMessage::Kind::kNotHere || message.kind == HandoffMessage::Kind::kState;
-    if (answers && message.from == config_.mail->workers()) search_.keeper_answered();
     switch (message.kind) {
       case HandoffMessage::Kind::kAsk: {
         const std::size_t slot = table_.find_token(message.token, message.owner);
@@ -80,17 +77,10 @@ void Server::exchange_mail() noexcept {
         break;
       case HandoffMessage::Kind::kState:
         // Also one that nobody waits for any more: the station's next Hello finds it here.
-        if (message.state->record.restored) {
-          restore(*message.state, message.ticket);
-        } else {
-          adopt(*message.state);
-          ++counters_.moved_in;
-        }
+        adopt(*message.state);
+        ++counters_.moved_in;
         delete message.state;
         search_.on_answer(message.ticket, true);
-        break;
-      case HandoffMessage::Kind::kTaken:
-        let_go(message);
         break;
     }
   }

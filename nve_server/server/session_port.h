@@ -59,15 +59,6 @@ struct SessionRecord {
   link::TokenBucket commands{0, 0};         ///< ServerConfig::rate_slack
   link::TokenBucket snapshot_pieces{0, 0};  ///< ServerConfig::snapshot_pieces_per_s
   link::TokenBucket scene_chunks{0, 0};     ///< how fast this session may fetch the scene
-
-  // For checkpoints.
-  std::uint64_t token = 0;        ///< under which there are some; 0: none yet
-  std::uint64_t owner = 0;        ///< of that
-  bool restored = false;          ///< of a server that is gone, and not yet resumed here
-  link::StepReport steps_before;  ///< where its log of steps stood then
-  bool changed = false;           ///< since the last one
-  std::int64_t checked_ns = 0;    ///< when that was
-  std::uint64_t checkpoints = 0;  ///< how many, of all servers that had it
 };
 
 /// A whole session, with a tip of its own, on its way from one worker to another.

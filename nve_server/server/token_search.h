@@ -32,7 +32,7 @@ class TokenSearch {
   /// Without `mail` there is nobody to ask.
   TokenSearch(WorkerMail* mail, std::size_t worker) noexcept : mail_(mail), worker_(worker) {}
 
-  bool has_others() const noexcept { return mail_ != nullptr && mail_->parties() > 1; }
+  bool has_others() const noexcept { return mail_ != nullptr && mail_->workers() > 1; }
   /// Is anything open?
   bool waits() const noexcept { return open_ > 0; }
 
@@ -47,9 +47,6 @@ class TokenSearch {
                       std::size_t free_places, std::int64_t now_ns) noexcept;
   /// An answer to `ticket`: `final` if nobody else needs to be heard.
   void on_answer(std::uint32_t ticket, bool final) noexcept;
-  /// Sessions that others may be about to send: questions that the keeper has not answered, forgotten ones too.
-  std::size_t expected() const noexcept { return expected_; }
-  void keeper_answered() noexcept { expected_ -= expected_ > 0 ? 1 : 0; }
   /// One that is answered, and free from now on; its Hello can be judged. False: none.
   bool take_answered(Question& question) noexcept;
   /// Who waits for the answer to `ticket`; null: nobody any more.
@@ -60,7 +57,6 @@ class TokenSearch {
   WorkerMail* mail_;
   std::size_t worker_;
   std::size_t open_ = 0;
-  std::size_t expected_ = 0;
   std::array<Question, WorkerMail::kOpenQuestions> questions_;
 };
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "telenano/common/rt/spsc_queue.h"
-#include "telenano/nve_server/server/checkpoint_queue.h"
 #include "telenano/nve_server/server/session_port.h"
 
 namespace telenano::server {
@@ -16,8 +15,7 @@ struct HandoffMessage {
   enum class Kind : std::uint8_t {
     kAsk,      ///< have you a session with `token`? Then hand it over
     kNotHere,  ///< no
-    kState,    ///< here it is: `state` belongs to the receiver
-    kTaken     ///< another server has the session of this token: let it go
+    kState     ///< here it is: `state` belongs to the receiver
   };
   Kind kind = Kind::kAsk;
   std::uint32_t from = 0;    ///< worker
@@ -35,32 +33,25 @@ class WorkerMail {
   /// every queue to it, so no queue ever overflows.
   static constexpr std::size_t kOpenQuestions = 128;
 
-  /// `keeper`: there is one of checkpoints, who is asked like a worker and has the number workers().
-  explicit WorkerMail(std::size_t workers, bool keeper = false);
+  explicit WorkerMail(std::size_t workers);
   ~WorkerMail();
   WorkerMail(const WorkerMail&) = delete;
   WorkerMail& operator=(const WorkerMail&) = delete;
 
   std::size_t workers() const noexcept { return workers_; }
-  std::size_t parties() const noexcept { return parties_; }  ///< workers, and the keeper if there is one
-  Bell& bell() noexcept { return bell_; }                    ///< the keeper's
   /// Worker `message.from` only. False if there was no room.
   bool post(std::size_t to, const HandoffMessage& message) noexcept {
-    const bool posted = queue(message.from, to).push(message);
-    if (to == workers_) bell_.ring();
-    return posted;
+    return queue(message.from, to).push(message);
   }
   /// Worker `to` only. False if there is none.
   bool fetch(std::size_t to, HandoffMessage& message) noexcept;
 
  private:
   rt::SpscQueue<HandoffMessage>& queue(std::size_t from, std::size_t to) noexcept {
-    return *queues_[from * parties_ + to];
+    return *queues_[from * workers_ + to];
   }
 
   std::size_t workers_;
-  std::size_t parties_;
-  Bell bell_;
   std::vector<std::unique_ptr<rt::SpscQueue<HandoffMessage>>> queues_;
 };
 

@@ -100,18 +100,6 @@ for scene in range(3):
 put("snapshot", "anything", bytes([0, 1]) + bytes(range(120)))
 put("snapshot", "nothing", bytes([0, 1]))
 
-# fuzz_checkpoint.cpp: how (bit 0: as a file, 1: any bytes, 2: cut, above: changes), and changes of (place, value).
-put("checkpoint", "whole", bytes([0]))
-put("checkpoint", "whole_file", bytes([1]))
-for at in (0, 16, 32, 48, 60, 100, 140, 260):
-    put("checkpoint", "changed_%d" % at, bytes([1 << 3]) + struct.pack("<HB", at, 0xFF))
-    put("checkpoint", "changed_in_file_%d" % at, bytes([1 | 1 << 3]) + struct.pack("<HB", at, 0xFF))
-put("checkpoint", "cut", bytes([4, 90, 0]))
-put("checkpoint", "cut_file", bytes([5, 90, 0]))
-put("checkpoint", "anything", bytes([2]) + bytes(range(200)))
-put("checkpoint", "anything_as_file", bytes([3]) + bytes(range(200)))
-
-
 # .gsf
 def gsf(columns, rows, heights, more=""):
     head = ("Gwyddion Simple Field 1.0\nXRes = %d\nYRes = %d\nXReal = 6e-8\nYReal = 6e-8\nXYUnits = m\nZUnits = m\n%s"

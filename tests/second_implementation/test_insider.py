@@ -192,9 +192,7 @@ class Insider(test_attack.Keyed):
         """Its token shown again and again, from two channels of one key: one session, one account, and none of anybody else's."""
         for more in ((), ("--workers", "2")):
             with self.subTest(more=more):
-                folder = self.folder / f"kept{len(more)}"
-                folder.mkdir(0o700)
-                self.serve("--timeout-ms", "5000", "--checkpoint", folder, *more)
+                self.serve("--timeout-ms", "5000", *more)
                 first, second = self.client("omega-1", features=PRIVATE), self.client("omega-1", features=PRIVATE)
                 start = vector(first.connect(), "start_pos_w_{}_nm")
                 first.run(indent(start, 5, 0.5), 0.5)

@@ -8,12 +8,10 @@
 #include "tests/studies/contact_command.h"
 #include "tests/studies/fidelity/fidelity_command.h"
 #include "tests/studies/figures/figures_command.h"
-#include "tests/studies/fleet_command.h"
 #include "tests/studies/flood/flood_command.h"
 #include "tests/studies/loop_bench/loop_bench_command.h"
 #include "tests/studies/methods/methods_command.h"
 #include "tests/studies/precision/precision_command.h"
-#include "tests/studies/reconnect_command.h"
 #include "tests/studies/relay/relay_command.h"
 #include "tests/studies/replay/replay_command.h"
 #include "tests/studies/report/report_command.h"
@@ -31,7 +29,6 @@ int main(int argc, char** argv) {
   telenano::studies::add_contact_command(app);
   telenano::studies::add_fidelity_command(app, exit_code);
   telenano::studies::add_figures_command(app);
-  telenano::studies::add_fleet_command(app, exit_code);
   telenano::studies::add_flood_command(app);
   CLI::App* bench =
       app.add_subcommand("bench", "Benchmarks: the product and the lower limit of the machine, in one run");
@@ -40,7 +37,6 @@ int main(int argc, char** argv) {
   telenano::studies::add_throughput_benches(*bench);
   telenano::studies::add_methods_command(app);
   telenano::studies::add_precision_command(app);
-  telenano::studies::add_reconnect_command(app, exit_code);
   telenano::studies::add_relay_command(app);
   telenano::studies::add_replay_command(app, exit_code);
   telenano::studies::add_report_command(app);

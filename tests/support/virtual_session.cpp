@@ -112,13 +112,6 @@ void VirtualSession::make_server() {
   } else {
     served.make_slave = slave::nve_slaves(config_.scene);
   }
-  if (config_.checkpoints) {
-    served.physics = config_.checkpoints->of.physics;
-    config_.checkpoints->of.scene_hash = served.hash;
-    config_.checkpoints->set_make_slave(served.make_slave);
-    config.mail = &config_.checkpoints->mail();
-    config.checkpoints = &config_.checkpoints->queue();
-  }
   std::vector<server::ServedScene> scenes;
   if (first_scene_hash_ != 0) {
     scenes.push_back(served);
@@ -143,21 +136,6 @@ void VirtualSession::stop_server(int ms) {
   down_ = true;
 }
 
-void VirtualSession::hand_out_server() {
-  for (int i = 0; i < 10 && !server_->hand_out(now_ns_); ++i) config_.checkpoints->work();
-  stop_server(0);
-}
-
-/// What the keeper of checkpoints does beside the loop.
-void VirtualSession::serve_mail(std::int64_t now_ns) {
-  config_.checkpoints->work();
-  server_->exchange_mail();
-  std::array<std::uint8_t, link::kMaxDatagramBytes> out;
-  net::Address to;
-  while (const std::size_t n = server_->next_answer(now_ns, out, to))
-    link_.b().send(std::span<const std::uint8_t>(out).first(n), to);
-}
-
 void VirtualSession::serve_until(std::int64_t until_ns) {
   std::array<std::uint8_t, link::kMaxDatagramBytes> in;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out;
@@ -176,7 +154,6 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
                                            server_ns(arrival), out, &clock_, config_.standing);
       if (n > 0 && config_.lie) n = config_.lie(out, n);
       if (n > 0) link_.b().send(std::span<const std::uint8_t>(out).first(n), received.from);
-      if (config_.checkpoints) serve_mail(server_ns(arrival));
     }
     if (!any && link_.next_arrival_ns() <= arrival) break;  // only the station's datagrams are waiting
   }

@@ -17,7 +17,6 @@
 #include "telenano/master/station/station.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/server/server.h"
-#include "tests/support/checkpoint_box.h"
 #include "tests/support/virtual_hand.h"
 
 namespace telenano::support {
@@ -59,8 +58,7 @@ struct VirtualSessionConfig {
   /// What becomes of each datagram that the server sends, of so many bytes: a server that lies. Returns the
   /// bytes that go; 0: none.
   std::function<std::size_t(std::span<std::uint8_t>, std::size_t)> lie{};
-  std::size_t redundancy = 0;                    ///< commands that each datagram repeats
-  std::shared_ptr<CheckpointBox> checkpoints{};  ///< kept of its servers, one after the other; null: none
+  std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
 
 /// A whole session in virtual time: the same device, station, session and server objects as the programs,
@@ -85,9 +83,6 @@ class VirtualSession {
   /// The server says Bye to all and withdraws the tips for `ms`, as at SIGTERM; then there is none until
   /// restart_server().
   void stop_server(int ms);
-  /// The server leaves its session to the next one and says Bye, as at SIGTERM; then there is none until
-  /// restart_server().
-  void hand_out_server();
   /// What a server made from now on says of its scene.
   void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
   /// A server made from now on has another scene of that hash, alike, in which it begins.
@@ -113,7 +108,6 @@ class VirtualSession {
   void make_server();
   void make_device(const link::Welcome& welcome);
   void serve_until(std::int64_t until_ns);
-  void serve_mail(std::int64_t now_ns);
   std::int64_t server_ns(std::int64_t now_ns) const noexcept;  ///< what the server's clock says then
 
   VirtualSessionConfig config_;

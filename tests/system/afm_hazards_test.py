@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Hazards of an AFM that are neither a lost connection nor a dead signal, with the real programs over TCP: the latch on disk, ports
-that are not the last run's, two stations, two deadmen, a drain while the tip presses, withdrawals that are answered and not done, a
-controller that is slow in the checks, a signal that dips.
+that are not the last run's, two stations, two deadmen, a termination while the tip presses, withdrawals that are answered and not
+done, a controller that is slow in the checks, a signal that dips.
 
 afm_hazards_test.py SOURCE_DIR TELENANO_NVE TELENANO_AFM_SIM TELENANO_MASTER [unittest's arguments]
 """
@@ -261,36 +261,15 @@ class Hazards(Base):
         print(f"with two deadmen: withdrawn {time.monotonic() - killed:.2f} s after the death of server and guard", file=sys.stderr)
         self.assertTrue(self.end_of(simulator)[0])
 
-    def test_a_drain_while_it_presses_waits_for_the_station(self):
+    def test_a_termination_withdraws_what_presses(self):
         simulator = self.simulator()
         self.before = self.settings()
         server = self.serving()
-        station = self.press(server)
-        self.contact(station)
-        server.kill(signal.SIGUSR1)
-        self.assertTrue(server.says("draining: no new sessions"), server.text)
-        late = self.press(server)
-        self.assertTrue(late.says("is shutting down"), late.text)
-        time.sleep(2)
-        self.assertIsNone(station.process.poll(), "it goes on")
-        self.assertNotIn("withdrawing", server.text.partition("draining")[2])
-        station.stop()
-        self.assertEqual(server.process.wait(LONG_S), 0, server.text)
-        self.ended(simulator, server, "the last session is gone")
-
-    def test_a_drain_whose_time_is_over_withdraws_what_presses(self):
-        simulator = self.simulator()
-        self.before = self.settings()
-        server = self.serving("--drain-seconds", "1")
         station = self.press(server, "--give-up-s", "1")
         self.contact(station)
         server.kill(signal.SIGTERM)
         self.assertEqual(server.process.wait(LONG_S), 0, server.text)
         self.assertTrue(station.says("the server is shutting down: the force is zero"), station.text)
-        self.ended(simulator, server, "the time is over, 1 session must end")
-
-    def ended(self, simulator, server, why):
-        self.assertTrue(server.says("drained: " + why), server.text)
         self.assertRegex(server.text, "withdrawn: (exit|stop)")
         self.assertEqual(self.latches(), [])
         self.assertEqual(self.settings(), self.before, "given back")

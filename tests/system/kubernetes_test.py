@@ -36,13 +36,15 @@ class Kubernetes(unittest.TestCase):
         self.assertEqual(self.server["command"], ["telenano-nve", "serve"])
         flags = subprocess.run([NVE, "serve", "--help"], capture_output=True, text=True, check=True).stdout.replace(",", " ").split()
         named = [word for word in self.args if word.startswith("--")]
-        self.assertIn("--drain-seconds", named)
+        self.assertIn("--keys", named)
         for flag in named:
             self.assertIn(flag, flags)
         self.assertTrue(all(isinstance(word, str) for word in self.args))
 
-    def test_the_end_has_the_time_of_a_drain_and_more(self):
-        self.assertGreaterEqual(self.pod["terminationGracePeriodSeconds"], int(self.after("--drain-seconds")) + 5)
+    def test_there_is_one_server_and_its_end_has_its_time(self):
+        self.assertEqual((self.deployment["spec"]["replicas"], self.deployment["spec"]["strategy"]["type"]), (1, "Recreate"))
+        unit = (SOURCE / "deploy/systemd/telenano-nve.service").read_text()
+        self.assertIn(f"TimeoutStopSec={self.pod['terminationGracePeriodSeconds']}\n", unit)
 
     def test_ports_and_probes_are_those_of_the_flags(self):
         ports = {port["name"]: port for port in self.server["ports"]}

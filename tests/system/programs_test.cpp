@@ -211,8 +211,11 @@ TEST_F(ProgramsTest, AServerKilledInContactAndStartedAgainIsResumedWithoutAForce
   const std::string script =
       write("twice.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,20\n1,0,0,-3\n12,0,0,-3\n13.5,0,0,-33\n30,0,0,-33\n");
   // A twin goes on for longer than the 100 ms that a force of the server's is shown.
-  ChildProcess run(station(*first, {"--task", "script", "--script", script, "--method", "model", "--record",
-                                    file, "--config", write("station.toml", kStationFile)}));
+  std::vector<std::string> command =
+      station(*first, {"--task", "script", "--script", script, "--method", "model", "--record", file,
+                       "--config", write("station.toml", kStationFile)});
+  std::erase(command, "--quiet");
+  ChildProcess run(command);
   ASSERT_TRUE(wait_for_contact(run, file, 300));
   first->child().signal(SIGKILL);
   ASSERT_TRUE(first->child().wait(kLong));
@@ -224,6 +227,9 @@ TEST_F(ProgramsTest, AServerKilledInContactAndStartedAgainIsResumedWithoutAForce
   run.signal(SIGINT);
   ASSERT_TRUE(run.wait(kLong)) << run.err();
   EXPECT_EQ(run.exit_code(), 0) << run.err();
+  EXPECT_NE(run.err().find("the server has lost the session, as after a restart: this is a new one"),
+            std::string::npos)
+      << run.err();
   EXPECT_NE(second.stop().find("in 1 sessions"), std::string::npos);
 
   const RecordingReader reader(file);

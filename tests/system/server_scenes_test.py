@@ -108,7 +108,7 @@ class ServerScenes(RealPrograms):
         self.assertNotIn("switches of a session", again.text())
 
     def test_what_is_of_one_scene_only_is_refused_with_several(self):
-        for words, flag in ((("--share", "one-tip"), "--share one-tip"), (("--checkpoint", "."), "--checkpoint"),
+        for words, flag in ((("--share", "one-tip"), "--share one-tip"),
                             (("--web", "127.0.0.1:0"), "--web"), (("--slave", "nanonis"), "--scene")):
             done = self.run_program(NVE, "serve", "--scene", FIRST, "--scene", SECOND, "--listen", "127.0.0.1:0", *words)
             self.refused(done, f"{flag}: ", 2)

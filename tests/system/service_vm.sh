@@ -2,7 +2,7 @@
 # The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, misconfigured, purged; in a
 # small virtual machine, so that this machine stays as it is.
 #   service_vm.sh BUILD_DIR [MODE] afm: instead, with a simulated AFM whose tip must not stay out however the unit ends
-#                                  drain: instead, a drain while a station presses, with a deadman (quiet machine)
+#                                  stop: instead, a stop while a station presses, with a deadman (quiet machine)
 #                                  both: instead, server and guard killed together, with a deadman (likewise; not run to its end yet)
 #                                  scan: instead, the first start with a scan, whose fields take longer than systemd waits
 # Exit status 77: no virtual machine can be had here (vm.sh says why).
@@ -110,8 +110,7 @@ checks() {
     rm /etc/telenano/afm.toml
   }
 
-  # A drain while a station presses: the unit stops when the station has gone, or when the time is over; and what neither
-  # server nor guard can do any more, the deadman does.
+  # A stop while a station presses; and what neither server nor guard can do any more, the deadman does.
   press() { # log
     printf 't_s,x_nm,y_nm,z_nm\n0,0,0,20\n2,0,0,20\n8,0,0,-5\n3000,0,0,-5\n' >/tmp/press.csv
     telenano-master run --server 127.0.0.1:5100 --task script --script /tmp/press.csv --duration-s 3000 --rate 200 --rt-priority 0 \
@@ -155,47 +154,27 @@ checks() {
     kill -TERM "$watcher" || true; wait "$watcher" || true
     sed -i '/^\[deadman\]/,$d' /etc/telenano/afm.toml
   }
-  drain() {
+  stop_in_contact() {
     local i seen station simulator watcher
-    with_a_deadman drain1
-    serve_afm --drain-seconds 600
-    check "drain: starts" systemctl start telenano-nve
-    check "drain: the deadman watches" says /out/deadman.log 'watching over the server'
+    with_a_deadman stop1
+    serve_afm
+    check "stop: starts" systemctl start telenano-nve
+    check "stop: the deadman watches" says /out/deadman.log 'watching over the server'
     press station1
-    check "drain: a station presses" presses station1
-    systemctl --no-block stop telenano-nve
-    check "drain: drains" server_says 'draining: no new sessions'
-    # Longer than the unit's own TimeoutStopSec: the server has asked for more.
-    sleep 30
-    check "drain: the unit waits" is ActiveState deactivating
-    check "drain: with its guard" equals "$(guards)" 1
-    check "drain: the station goes on" kill -0 "$station"
-    check "drain: nothing was withdrawn" never_says 'afm: withdraw'
-    kill -TERM "$station" || true; wait "$station" || true
-    check "drain: ends with its station" until_is ActiveState inactive 60
-    check "drain: well" is ExecMainStatus 0
-    check "drain: says so" server_says 'the last session is gone'
-    check "drain: the guard ends too" until_no_guard 20
-    check "drain: nothing is latched" bash -c '! ls /run/deadman/*.latch'
-    check "drain: the tip is withdrawn" tip_of drain1 withdrawn
-    check "drain: and had pressed within its limit" pressed drain1 40
-
-    without_the_deadman
-    simulate drain2
-    serve_afm --drain-seconds 5 --without-deadman
-    check "drain: starts again" systemctl start telenano-nve
-    press station2
-    check "drain: a station presses again" presses station2
-    check "drain: stops when the time is over" systemctl stop telenano-nve
-    check "drain: the server says so" server_says 'the time is over, 1 session must end'
-    check "drain: that was no failure" is Result success
-    check "drain: and the guard ends" until_no_guard 20
+    check "stop: a station presses" presses station1
+    check "stop: stops" systemctl stop telenano-nve
+    check "stop: that was no failure" is Result success
+    check "stop: well" is ExecMainStatus 0
+    check "stop: the guard ends too" until_no_guard 20
+    check "stop: nothing is latched" bash -c '! ls /run/deadman/*.latch'
     kill -TERM "$station" 2>/dev/null || true; wait "$station" || true
-    check "drain: the tip is withdrawn by then" tip_of drain2 withdrawn
+    check "stop: the tip is withdrawn" tip_of stop1 withdrawn
+    check "stop: and had pressed within its limit" pressed stop1 40
+    without_the_deadman
   }
   both_killed() {
     local i seen station simulator watcher
-    with_a_deadman drain3
+    with_a_deadman deadman1
     serve_afm
     check "deadman: starts" systemctl start telenano-nve
     press station3
@@ -219,7 +198,7 @@ checks() {
     check "deadman: stops" systemctl stop telenano-nve
     check "deadman: no guard is left" until_no_guard 20
     kill -TERM "$watcher" || true; wait "$watcher" || true
-    check "deadman: the tip is withdrawn at last" tip_of drain3 withdrawn
+    check "deadman: the tip is withdrawn at last" tip_of deadman1 withdrawn
   }
 
   serving() {
@@ -272,7 +251,7 @@ checks() {
 
   case ${1:-} in
     afm) with_an_afm ;;
-    drain) drain ;;
+    stop) stop_in_contact ;;
     both) both_killed ;;
     scan) first_start_with_a_scan ;;
     *) serving ;;

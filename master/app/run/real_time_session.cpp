@@ -74,7 +74,6 @@ void RealTimeSession::run() noexcept {
     sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
     sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
-    if (servers_ != nullptr) follow_servers(sample, tick.woke_ns);
     if (scene_ >= 0) follow_scene(sample);
     follow_undo(sample);
     note_tip(sample);
@@ -161,20 +160,6 @@ void RealTimeSession::keep_plan(const recording::Sample& before, double dt_s) no
   if (!changed) return;
   wanted.force = scaling_.force();
   keeps_plan_ = station_.change_scaling(wanted);
-}
-
-/// The next server finds a session as after a restart: a Hello, a new epoch, the tip taken up where it is.
-void RealTimeSession::follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept {
-  const connection::LeaveCause cause = connection::leaves(session_, servers_->nobody_listens(), now_ns);
-  if (cause == connection::LeaveCause::kNone) return;
-  servers_->go_on();
-  session_.start(now_ns);
-  ++servers_left_;
-  left_because_ = cause;
-  if (recorder_ != nullptr)
-    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventServer,
-                                          "goes on to the next server of the list",
-                                          static_cast<std::uint32_t>(servers_->current() + 1)));
 }
 
 void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
@@ -411,8 +396,7 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.overruns = timer.overruns;
   p.missed_ticks = timer.missed;
   p.sessions = session_.sessions();
-  p.servers_left = servers_left_;
-  p.left_because = left_because_;
+  p.epoch = scene_ < 0 ? session_.welcome().epoch : 0;
   p.station_faults = sample.station_faults;
   p.slave_faults = sample.fault_bits;
   p.energy_j = sample.energy_j;
@@ -492,7 +476,7 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     return true;
   }
   // Final: nothing more will come, and nobody needs to wait for it.
-  const bool refused = session_.state() == link::ClientState::kRefused && servers_ == nullptr;
+  const bool refused = session_.state() == link::ClientState::kRefused;
   if (session_.state() == link::ClientState::kClosed || refused) {
     ending_ = session_.state() == link::ClientState::kClosed ? Ending::kServerEnded : Ending::kRefused;
     return true;

@@ -13,8 +13,7 @@
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/common/rt/periodic_timer.h"
 #include "telenano/common/rt/steady_clock.h"
-#include "telenano/master/connection/failover.h"
-#include "telenano/master/connection/server_list.h"
+#include "telenano/master/connection/server_link.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/device/played_motion.h"
 #include "telenano/master/loop/station_loop.h"
@@ -48,7 +47,7 @@ inline constexpr std::uint32_t kEventTwin =
 
 inline constexpr std::uint32_t kEventSendRate =
     107;  ///< value: datagrams a second from here on; the text says why
-inline constexpr std::uint32_t kEventServer = 108;  ///< value: its place in --server's list, from 1
+// 108 was the next server of a list, in earlier recordings.
 inline constexpr std::uint32_t kEventNote =
     109;  ///< a person's words, of the moment when writing began: "note: …"
 inline constexpr std::uint32_t kEventPractice =
@@ -98,9 +97,8 @@ struct Progress {
   std::int64_t ticks = 0;
   std::uint64_t overruns = 0;
   std::uint64_t missed_ticks = 0;
-  std::uint64_t sessions = 0;                                           ///< Welcomes
-  std::uint64_t servers_left = 0;                                       ///< of a list, for the next one,
-  connection::LeaveCause left_because = connection::LeaveCause::kNone;  ///< the last of them
+  std::uint64_t sessions = 0;  ///< Welcomes
+  std::uint32_t epoch = 0;     ///< of the session; 0: on its way to another scene
   std::uint32_t station_faults = 0;
   std::uint32_t slave_faults = 0;
 };
@@ -142,11 +140,8 @@ class RealTimeSession {
   }
   /// The force scale follows the link as long as nobody else changes it, before run().
   void follow_scaling(control::ScalingFollower follower) noexcept { scaling_ = std::move(follower); }
-  /// Goes on to the next server when the current one is lost, before run(). `servers` is the socket that was
-  /// given to the constructor, with several in it.
-  void set_servers(connection::ServerList& servers) noexcept { servers_ = &servers; }
-  /// The servers' links can be made worse on a person's word, before run().
-  void set_practice(connection::ServerList& servers) noexcept { practised_ = &servers; }
+  /// The way to the server can be made worse on a person's word, before run().
+  void set_practice(connection::ServerLink& way) noexcept { practised_ = &way; }
   /// The server's scenes, by their hashes, before run(): a person at the screen may go to another one. Then run() ends
   /// with Ending::kOtherScene once the session is there; no Bye is said, and the station has not begun there.
   void set_scenes(std::vector<std::uint64_t> hashes) noexcept { scenes_ = std::move(hashes); }
@@ -186,7 +181,6 @@ class RealTimeSession {
   void see_tip(const recording::Sample& before) noexcept;
   void keep_plan(const recording::Sample& before, double dt_s) noexcept;
   void follow_link(const recording::Sample& before, double dt_s) noexcept;
-  void follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept;
   void undo_marks(const recording::Sample& before) noexcept;
   void follow_undo(const recording::Sample& sample) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
@@ -215,10 +209,7 @@ class RealTimeSession {
   const std::atomic<bool>& stop_;
   rt::SteadyClock clock_;
   loop::StationLoop loop_;
-  connection::ServerList* servers_ = nullptr;
-  connection::ServerList* practised_ = nullptr;  // null: no link to practise on
-  std::uint64_t servers_left_ = 0;
-  connection::LeaveCause left_because_ = connection::LeaveCause::kNone;
+  connection::ServerLink* practised_ = nullptr;  // null: no link to practise on
   double surface_z_w_nm_;
   Vec3 task_origin_w_nm_;
   recording::SummaryBuilder summary_;

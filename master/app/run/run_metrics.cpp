@@ -50,8 +50,6 @@ void write_metrics(const Progress& p, metrics::Page& page) {
                p.mode == static_cast<std::uint32_t>(mode) ? 1 : 0, {{"mode", station::mode_name(mode)}});
   }
   page.counter("telenano_sessions_total", "Sessions begun or resumed", number(p.sessions));
-  page.counter("telenano_servers_left_total", "Times that the station went on to the next server of its list",
-               number(p.servers_left));
   page.counter("telenano_ticks_total", "Ticks of the loop", static_cast<double>(p.ticks));
   page.counter("telenano_overruns_total", "Ticks whose work was not done at the next deadline",
                number(p.overruns));

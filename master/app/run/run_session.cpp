@@ -51,11 +51,11 @@ void tell_device(const SessionDevice& device) {
 }
 
 /// How datagrams are marked, and the link that is practised on.
-void set_up_link(connection::ServerList& servers, const RunOptions& options, int dscp) {
-  if (dscp != 0 && !servers.set_dscp(dscp))
+void set_up_link(connection::ServerLink& way, const RunOptions& options, int dscp) {
+  if (dscp != 0 && !way.set_dscp(dscp))
     config::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
   if (!options.practice) return;
-  servers.practise(*options.practice);
+  way.practise(*options.practice);
   const std::string text = link::practice_text(*options.practice);
   if (!options.quiet && !text.empty()) config::print(stderr, "practice link: {}\n", text);
 }
@@ -102,10 +102,8 @@ link::ClientConfig make_client_config(const RunOptions& options, const StationFi
 
 /// Asks which scenes the server has, and goes to the one that was asked for.
 std::vector<SceneChoice> to_wanted_scene(const RunOptions& options, link::ClientSession& session,
-                                         connection::ServerList& servers, loop::ScenePipe& pipe,
-                                         const std::atomic<bool>& stop) {
-  connection::ServerLink& way = servers.link();
-  const net::Address server = servers.address();
+                                         connection::ServerLink& way, const net::Address& server,
+                                         loop::ScenePipe& pipe, const std::atomic<bool>& stop) {
   std::vector<SceneChoice> scenes = list_scenes(session, way, server, pipe, stop);
   if (!scenes.empty() && !options.quiet)
     config::print(stderr, "note: this server has {} scenes: {} (--server-scene NAME)\n", scenes.size(),
@@ -132,23 +130,21 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (!simulated) add_pedals(opened, file.pedal);
   if (!options.quiet && !simulated) tell_device(opened);
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
-  connection::ServerList servers(options);
-  set_up_link(servers, options, dscp);
+  const net::Address server = net::parse_address(options.server, "--server");
+  connection::ServerLink way(options, server);
+  set_up_link(way, options, dscp);
   SessionFile session_file(options.session_file);
   TwinWish wish = twin_wish(options, file, view);
   link::ClientConfig client_config = make_client_config(options, file, session_file, wish);
   const bool last_run = client_config.resume_token != 0;
-  std::optional<link::ClientSession> opened_session;
+  std::optional<link::ClientSession> opened_session(client_config);
   std::optional<connection::Farewell> farewell;
-  connection::connect_to_any(opened_session, client_config, servers, file.station.rate_hz, stop,
-                             [&](const std::string& why) {
-                               if (!options.quiet) config::print(stderr, "note: {}\n", why);
-                             });
-  // Until the loop begins the session is this server's.
-  farewell.emplace(*opened_session, servers.link().datagram(), servers.address());
+  // Until the loop begins, whatever ends this ends the session too.
+  farewell.emplace(*opened_session, way.datagram(), server);
+  connection::connect(*opened_session, way, server, file.station.rate_hz, options, stop);
   const bool resumed = opened_session->resumed_unknown_account();
   const std::vector<SceneChoice> scenes =
-      to_wanted_scene(options, *opened_session, servers, scene.pipe(), stop);
+      to_wanted_scene(options, *opened_session, way, server, scene.pipe(), stop);
   SessionParts parts{.options = options,
                      .stop = stop,
                      .file = file,
@@ -157,7 +153,8 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      .view = view,
                      .next = next,
                      .opened = opened,
-                     .servers = servers,
+                     .way = way,
+                     .server = server,
                      .session_file = session_file,
                      .wants_twin = wish.wanted,
                      .last_run = last_run,

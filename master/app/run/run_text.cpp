@@ -118,20 +118,10 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
     config::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
                   end_of_line);
   }
-}
-
-void print_server(const Progress& before, const Progress& now, const ServerNames& servers, bool terminal) {
-  const auto name = [&](std::uint64_t left) {
-    return servers.names[(servers.first + left) % servers.names.size()];
-  };
-  const char* const end_of_line = terminal ? "\n" : "";
-  if (now.servers_left != before.servers_left) {
-    config::print(
-        stderr, "{}the session with the server at {} is lost: {}; going on to {}, the force is zero\n",
-        end_of_line, name(now.servers_left - 1), connection::text(now.left_because), name(now.servers_left));
+  if (before.epoch != 0 && now.epoch != 0 && before.epoch != now.epoch) {
+    config::print(stderr, "{}the server has lost the session, as after a restart: this is a new one\n",
+                  end_of_line);
   }
-  if (now.servers_left > 0 && now.sessions != before.sessions)
-    config::print(stderr, "{}the server at {} has taken the session\n", end_of_line, name(now.servers_left));
 }
 
 void print_sending(const Progress& last) {

@@ -18,15 +18,6 @@ void print_progress(const Progress& p, double duration_s, bool terminal);
 /// What has changed of a shared tip and of the server, a line each.
 void print_changes(const Progress& before, const Progress& now, bool terminal);
 
-/// What --server named.
-struct ServerNames {
-  std::vector<std::string> names;
-  std::size_t first = 0;  ///< that took the session
-};
-
-/// That the session goes on to the next server of a list, and which one takes it; a line each.
-void print_server(const Progress& before, const Progress& now, const ServerNames& servers, bool terminal);
-
 /// What the bits of a recording's faults are called, the lowest first, "; " between them.
 std::string slave_fault_names();
 std::string station_fault_names();

@@ -19,8 +19,8 @@ constexpr int kProbeMax = 40;
 
 /// With the session kept awake: a twin, then what is wanted of the scene.
 void get_ready(SessionParts& parts, const RunOptions& options) {
-  connection::ServerLink& way = parts.servers.link();
-  const net::Address server = parts.servers.address();
+  connection::ServerLink& way = parts.way;
+  const net::Address server = parts.server;
   const double rate_hz = parts.file.station.rate_hz;
   SessionView& view = parts.view;
   if (parts.looks_for_twin) {
@@ -45,22 +45,22 @@ void get_ready(SessionParts& parts, const RunOptions& options) {
 }  // namespace
 
 void connect_again(SessionParts& parts, std::size_t step_ring) {
-  connection::ServerLink& way = parts.servers.link();
+  connection::ServerLink& way = parts.way;
   parts.client_config.step_ring = step_ring;
   parts.client_config.resume_token = parts.session->resume_token();
   parts.client_config.nonce_seed = connection::random_nonce_seed();
   if (parts.farewell) parts.farewell->leave_to_loop();
   parts.session.emplace(parts.client_config);
-  connection::connect(*parts.session, way, parts.servers.address(), parts.file.station.rate_hz,
-                      parts.servers.access(), parts.stop);
-  parts.farewell.emplace(*parts.session, way.datagram(), parts.servers.address());
+  connection::connect(*parts.session, way, parts.server, parts.file.station.rate_hz, parts.options,
+                      parts.stop);
+  parts.farewell.emplace(*parts.session, way.datagram(), parts.server);
 }
 
 LinkDelay prepare_scene(SessionParts& parts, const RunOptions& options) {
-  connection::ServerLink& way = parts.servers.link();
-  const net::Address server = parts.servers.address();
+  connection::ServerLink& way = parts.way;
+  const net::Address server = parts.server;
   const double rate_hz = parts.file.station.rate_hz;
-  if (parts.farewell) parts.farewell->leave_to_loop();  // to this one, which may be another server's
+  if (parts.farewell) parts.farewell->leave_to_loop();
   parts.farewell.emplace(*parts.session, way.datagram(), server);
   const int probes = std::clamp(static_cast<int>(kProbeS * rate_hz), kProbeMin, kProbeMax);
   const LinkDelay link =

@@ -77,10 +77,8 @@ SceneSession::SceneSession(SessionParts& parts, const RunOptions& options, const
 }
 
 void SceneSession::keep_awake() {
-  parts_.starter.call([&] {
-    awake_.emplace(session(), parts_.servers.link(), parts_.servers.address(), parts_.scene.pipe(),
-                   config().rate_hz);
-  });
+  parts_.starter.call(
+      [&] { awake_.emplace(session(), parts_.way, parts_.server, parts_.scene.pipe(), config().rate_hz); });
 }
 
 void SceneSession::tell_welcome() {
@@ -94,7 +92,7 @@ void SceneSession::tell_welcome() {
                                  : "the session of the last run is gone; this is a new one");
   }
   parts_.session_file.keep(welcome_.resume_token);
-  wish_ = tip_wish(options_, parts_.servers.name(), (welcome_.feature_bits & link::kFeatureSharing) != 0);
+  wish_ = tip_wish(options_, options_.server, (welcome_.feature_bits & link::kFeatureSharing) != 0);
 }
 
 /// Method and scaling, for this link, device and slave.
@@ -149,16 +147,14 @@ void SceneSession::make_station() {
 }
 
 void SceneSession::make_loop() {
-  connection::ServerList& servers = parts_.servers;
   const SessionHand hand{*opened().device, opened().motion, options_.duration_s.value_or(0)};
   // Who only looks on has no task that could be over: until stopped, or for as long as was said.
   const bool has_task = hand.motion != nullptr && !(options_.observe && !options_.duration_s);
   session_s_ = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
-  live_.emplace(hand, servers, servers.as(), session(), *parts_.station, recorder_.get(), options_.give_up_s,
-                session_s_, parts_.stop, file_.link);
+  live_.emplace(hand, parts_.way.datagram(), parts_.server, session(), *parts_.station, recorder_.get(),
+                options_.give_up_s, session_s_, parts_.stop, file_.link);
   live_->set_scenes(scene_hashes(parts_.scenes));
-  if (servers.size() > 1) live_->set_servers(servers);
-  if (options_.practice) live_->set_practice(servers);
+  if (options_.practice) live_->set_practice(parts_.way);
   if (file_.chooses_method) live_->choose_method();
   live_->set_companding(companding_);
 }

@@ -94,7 +94,6 @@ class SceneSession {
   std::optional<MarkRows::Session> marks_;
   std::optional<RealTimeSession> live_;
   std::optional<metrics::Exporter> exporter_;
-  ServerNames server_names_;
   Progress told_;
   std::chrono::steady_clock::time_point shown_;
   bool concluded_ = false;  // once: a window may stay open after it

@@ -38,9 +38,9 @@ void SceneSession::run_loop_thread(const std::stop_token& end) {
   live_->run();
   if (live_->ending() != Ending::kOtherScene) return;
   // The session goes on: until another thread tends it, which may take a picture or two, this one does.
-  connection::ServerLink& way = parts_.servers.link();
+  connection::ServerLink& way = parts_.way;
   const rt::SteadyClock clock;
-  loop::SessionTender tender(session(), way.datagram(), parts_.servers.address(), parts_.scene.pipe(), clock,
+  loop::SessionTender tender(session(), way.datagram(), parts_.server, parts_.scene.pipe(), clock,
                              config().rate_hz);
   while (!end.stop_requested()) {
     tender.turn();
@@ -57,7 +57,6 @@ void SceneSession::look(const DeviceMonitor& monitor) {
   const Progress progress = live_->progress();
   if (progress.resume_token != 0) parts_.session_file.keep(progress.resume_token);
   if (!options_.quiet) print_changes(told_, progress, terminal_);
-  if (!options_.quiet) print_server(told_, progress, server_names_, terminal_);
   told_ = progress;
   const auto now = std::chrono::steady_clock::now();
   if (options_.quiet || now - shown_ < (terminal_ ? kLineAgain : kLineAgainInLog)) return;
@@ -95,7 +94,6 @@ std::string SceneSession::watch(rt::RealtimeThread& thread) {
 }
 
 std::string SceneSession::run_loop() {
-  server_names_ = {connection::server_names(options_.server), parts_.servers.current()};
   rt::RealtimeConfig realtime;
   realtime.priority = options_.realtime_priority;
   realtime.cpu = options_.realtime_cpu;
@@ -112,7 +110,7 @@ std::string SceneSession::run_loop() {
 
 /// Why the session has failed; empty: it has not.
 std::string SceneSession::failure() {
-  return failure_text(*live_, *parts_.station, session(), options_, parts_.servers, config().rate_hz);
+  return failure_text(*live_, *parts_.station, session(), options_, parts_.way, config().rate_hz);
 }
 
 /// What follows the loop's end.
@@ -150,8 +148,7 @@ std::optional<int> SceneSession::run() {
   // A recording is closed meanwhile, and a summary told.
   if (live_->ending() == Ending::kOtherScene)
     parts_.starter.call([&] {
-      parts_.awake.emplace(session(), parts_.servers.link(), parts_.servers.address(), parts_.scene.pipe(),
-                           config().rate_hz);
+      parts_.awake.emplace(session(), parts_.way, parts_.server, parts_.scene.pipe(), config().rate_hz);
     });
   conclude();
   if (!frames.empty() && !options_.quiet) config::print(stderr, "{}\n", frames);

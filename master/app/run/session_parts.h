@@ -34,7 +34,8 @@ struct SessionParts {
   SessionView& view;
   std::optional<NextRun>& next;
   SessionDevice& opened;
-  connection::ServerList& servers;
+  connection::ServerLink& way;
+  const net::Address& server;
   SessionFile& session_file;
   bool wants_twin;
   bool last_run;

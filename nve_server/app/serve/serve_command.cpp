@@ -19,7 +19,6 @@
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/nve_server/app/serve/audit_log.h"
-#include "telenano/nve_server/app/serve/drain_watcher.h"
 #include "telenano/nve_server/app/serve/key_watcher.h"
 #include "telenano/nve_server/app/serve/reload_watcher.h"
 #include "telenano/nve_server/app/serve/serve_afm.h"
@@ -82,18 +81,6 @@ server::ServerConfig server_config(const ServeOptions& options,
   return config;
 }
 
-CheckpointKeeper::Config keeper_config(const ServeOptions& options, const server::ServedScene& scene,
-                                       const ServerSignals& signals,
-                                       const std::shared_ptr<spdlog::logger>& log) {
-  return {options.checkpoints,
-          {scene.hash, scene.physics},
-          scene.make_slave,
-          options.resume_s * std::int64_t{1000},
-          [log](const std::string& text) { log->warn("{}", text); },
-          [log](const std::string& text) { log->info("{}", text); },
-          &signals.drain};
-}
-
 web::WebViewConfig web_config(const ServeOptions& options, const Workers& workers,
                               const std::shared_ptr<web::TipSlots>& tip_slots, const SceneHeights& heights,
                               const std::shared_ptr<spdlog::logger>& log) {
@@ -124,8 +111,7 @@ void keep_awake(std::optional<rt::CpuAwake>& awake, spdlog::logger& log) {
 
 /// The loops, until a signal ends them, and what goes on beside them.
 void run_workers(const ServeOptions& options, Workers& workers, ServerSignals& signals,
-                 const rt::Clock& clock, std::optional<AuditLog>& audit,
-                 const std::shared_ptr<spdlog::logger>& log) {
+                 std::optional<AuditLog>& audit, const std::shared_ptr<spdlog::logger>& log) {
   std::optional<KeyWatcher> watcher;
   if (options.security.is_secure()) {
     watcher.emplace(
@@ -138,10 +124,6 @@ void run_workers(const ServeOptions& options, Workers& workers, ServerSignals& s
     if (watcher) watcher->reload();
     if (audit) audit->reopen();
   });
-  const DrainWatcher drainer({&signals.drain, &signals.stop, options.drain_s, workers.loops(),
-                              [&](const std::string& text) { log->info(text); }},
-                             clock);
-  signals.serves = true;
   const StatusPrinter printer(workers, log);
   const ServiceNotify service(workers.loops());
   workers.run(signals, [&log](const rt::RealtimeReport& report) {
@@ -161,7 +143,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  ServerSignals& signals = catch_server_signals(options.drain_s.has_value());
+  ServerSignals& signals = catch_server_signals();
   // Before the scene too: who asks for /readyz is told that it starts. The channels come with the scene.
   std::atomic<bool> prepared{false};
   std::optional<metrics::Exporter> exporter;
@@ -186,18 +168,14 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   }
   const server::ServerConfig config = server_config(options, scenes);
   const bool one_tip = config.share == server::Share::kOneTip;
-  // What is kept, shared or shown is of one scene only (checked_workers).
+  // What is shared or shown is of one scene only (checked_workers).
   server::ServedScene& scene = scenes.front();
   std::shared_ptr<web::TipSlots> tip_slots;
   if (!options.web.empty()) {
     tip_slots = std::make_shared<web::TipSlots>();
     scene.make_slave = watched(scene.make_slave, tip_slots);
   }
-  std::optional<CheckpointKeeper> keeper;
-  if (!options.checkpoints.empty())
-    keeper.emplace(keeper_config(options, scene, signals, log), workers.mail());
-  workers.prepare(options.security, config, scenes, keeper ? &*keeper : nullptr);
-  if (keeper) keeper->start();
+  workers.prepare(options.security, config, scenes);
   prepared.store(true, std::memory_order_release);
   const bool secure = options.security.is_secure();
 
@@ -215,9 +193,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   if (options.busy_poll && !workers.nic_busy_poll())
     log->info("--busy-poll: spinning without SO_BUSY_POLL, which needs CAP_NET_ADMIN; this does no harm");
   if (!marked) log->warn("--dscp {}: this system does not allow marking; datagrams are sent unmarked", dscp);
-  run_workers(options, workers, signals, clock, audit, log);
+  run_workers(options, workers, signals, audit, log);
 
-  keeper.reset();
   audit.reset();
   options.afm.stop();
   log_stopped(*log, workers, secure);
@@ -264,12 +241,6 @@ void add_session_flags(CLI::App& command, ServeOptions& options) {
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
   command
-      .add_option(
-          "--drain-seconds", options.drain_s,
-          "On SIGTERM, refuse new sessions and exit when the last one ends, or after this many seconds; a "
-          "second SIGTERM exits at once. SIGUSR1 drains without a time limit, even without this flag")
-      ->check(CLI::Range(1, 86400));
-  command
       .add_option("--share", options.share,
                   "private: each session has its own tip and sample (default); one-tip: one session moves "
                   "the tip, the others observe")
@@ -301,12 +272,6 @@ void add_file_flags(CLI::App& command, ServeOptions& options) {
       .add_option("--save-surface", options.surfaces,
                   "Save each session's surface with its marks in this folder (SCENE-NUMBER.gsf, next free "
                   "number), every 2 s and at the end of the session")
-      ->type_name("DIR");
-  command
-      .add_option("--checkpoint", options.checkpoints,
-                  "Save each session's tip, marks and energy account in this folder, every second and at "
-                  "the end; only this user may have access to it. After a restart, or on another server "
-                  "with the same folder and scene, the sessions continue")
       ->type_name("DIR");
   command
       .add_option("--audit", options.audit,

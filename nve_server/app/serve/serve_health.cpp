@@ -24,7 +24,6 @@ metrics::TextAnswer liveness(const HealthFacts& facts) {
 metrics::TextAnswer readiness(const HealthFacts& facts) {
   if (facts.stopping) return no("stopping");
   if (metrics::TextAnswer alive = liveness(facts); alive.status != 200) return alive;
-  if (facts.draining) return no("draining");
   if (facts.sessions >= facts.max_sessions) return no("full");
   return {200, "ready"};
 }
@@ -41,7 +40,6 @@ std::vector<metrics::TextPage> health_pages(std::vector<const server::LoopStatus
     }
     now.now_ns = clock.now_ns();
     now.max_sessions = max_sessions;
-    now.draining = signals.drain.load(kRelaxed);
     now.stopping = signals.stop.load(kRelaxed);
     return now;
   };

@@ -18,7 +18,6 @@ struct HealthFacts {
   std::int64_t now_ns = 0;
   std::uint64_t sessions = 0;  ///< active, of all loops
   std::uint64_t max_sessions = 0;
-  bool draining = false;  ///< it takes no new sessions any more
   bool stopping = false;  ///< it was told to end
 
   /// A loop that has not turned for so long hangs: the service's WatchdogSec.
@@ -30,7 +29,7 @@ struct HealthFacts {
 metrics::TextAnswer liveness(const HealthFacts& facts);
 
 /// /readyz: 200 "ready" if a new station would get a session; else 503 and why not, one word: starting, hung,
-/// stopping, draining, full.
+/// stopping, full.
 metrics::TextAnswer readiness(const HealthFacts& facts);
 
 /// Both pages of a running server. Everything referred to must outlive their exporter.

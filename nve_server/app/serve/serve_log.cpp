@@ -51,8 +51,6 @@ void log_stopped(spdlog::logger& log, const Workers& workers, bool secure) {
            counters.opened, counters.resumed,
            counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
            drops.empty() ? "none" : drops);
-  if (counters.taken_up > 0 || counters.handed_out > 0)
-    log.info("checkpoints: {} sessions taken up, {} handed out", counters.taken_up, counters.handed_out);
   if (counters.scene_chunks > 0) log.info("{} pieces of the scene were fetched", counters.scene_chunks);
   if (counters.deferred > 0 || counters.cut > 0)
     log.info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",

@@ -4,13 +4,12 @@
 #include <utility>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/app/serve/checkpoint_keeper.h"
 #include "telenano/nve_server/app/serve/local_users.h"
 
 namespace telenano::app {
 namespace {
 
-/// What is kept, shared or shown of one scene only.
+/// What is shared or shown of one scene only.
 void check_several(const ServeOptions& options) {
   if (options.scenes.size() < 2) return;
   for (std::size_t i = 1; i < options.scenes.size(); ++i) {
@@ -25,8 +24,6 @@ void check_several(const ServeOptions& options) {
     throw UserError(
         "--share one-tip: with several --scene each session has a tip of its own; serve one scene, or leave "
         "this out");
-  if (!options.checkpoints.empty())
-    throw UserError("--checkpoint: keeps sessions of one scene; serve one --scene, or leave this out");
   if (!options.web.empty()) throw UserError("--web: shows one scene; serve one --scene, or leave this out");
 }
 
@@ -40,16 +37,6 @@ std::optional<LocalUserList> local_users_of(const ServeOptions& options) {
   if (options.security.is_secure() || !options.local_rights.empty())
     throw UserError("--local-users: lists who may connect without a key; omit --keys and --local-rights");
   return LocalUserList::parse(options.local_users);
-}
-
-void check_checkpoints(const ServeOptions& options) {
-  if (options.checkpoints.empty()) return;
-  if (options.afm.wanted())
-    throw UserError(
-        "--checkpoint: an AFM's tip and sample cannot be moved to another server; omit --checkpoint");
-  if (options.share == "one-tip")
-    throw UserError("--checkpoint: a shared tip cannot be saved; omit --share one-tip or --checkpoint");
-  CheckpointKeeper::require_folder(options.checkpoints);
 }
 
 }  // namespace
@@ -66,7 +53,6 @@ WorkersConfig checked_workers(ServeOptions& options) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   std::optional<LocalUserList> local_users = local_users_of(options);
-  check_checkpoints(options);
   WorkersConfig config{address, options.workers, options.max_sessions, options.busy_poll,
                        options.realtime_priority};
   config.sessions_per_peer =
@@ -74,7 +60,6 @@ WorkersConfig checked_workers(ServeOptions& options) {
   if (!options.local_rights.empty()) config.local_rights = *net::parse_rights(options.local_rights);
   config.local_users = std::move(local_users);
   config.audit = !options.audit.empty();
-  config.checkpoints = !options.checkpoints.empty();
   return config;
 }
 

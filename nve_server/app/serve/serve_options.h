@@ -22,14 +22,12 @@ struct ServeOptions {
   std::string local_users;                       // left out: every local user
   std::optional<int> timeout_ms;                 // left out: as the scene says
   int resume_s = 30;
-  std::optional<int> drain_s;  // left out: SIGTERM does not drain, and a drain has no end of its own
   bool no_scene_sharing = false;
   std::string share;  // left out: as the scene's slave must be, else private
   std::size_t workers = 1;
   bool busy_poll = false;
   bool low_latency = false;
   int realtime_priority = 0;
-  std::string checkpoints;
   std::string audit;
   std::string metrics;
   bool metrics_public = false;

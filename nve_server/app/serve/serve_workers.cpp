@@ -29,7 +29,7 @@ std::size_t default_sessions_per_peer(std::size_t max_sessions) noexcept {
 }
 
 Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
-    : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers, config.checkpoints) {
+    : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers) {
   net::UdpOptions options;
   options.share_port = config.workers > 1;
   options.arrival_times = false;  // a reply's hold time is the loop's own
@@ -46,7 +46,7 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
 }
 
 void Workers::prepare(const ServeSecurity& security, const server::ServerConfig& base,
-                      const std::vector<server::ServedScene>& scenes, CheckpointKeeper* keeper) {
+                      const std::vector<server::ServedScene>& scenes) {
   if (config_.local_users) {
     for (const LocalUserList::User& user : config_.local_users->users)
       grant_names_->note(user.identity, "user " + user.name);
@@ -79,12 +79,11 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     own.load_most = kLoadMost;
     if (config_.audit) worker.audit = std::make_unique<server::AuditQueue>(kAuditQueue);
     own.audit = worker.audit.get();
-    if (workers_.size() > 1 || keeper != nullptr) {
+    if (workers_.size() > 1) {
       own.mail = &mail_;
       own.worker = i;
+      own.cap = &cap_;
     }
-    if (workers_.size() > 1) own.cap = &cap_;
-    if (keeper != nullptr) own.checkpoints = &keeper->add_queue();
     worker.server.emplace(own, scenes);
   }
 }
@@ -92,7 +91,6 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
 void Workers::serve(Worker& worker, const ServerSignals& signals) {
   server::LoopOptions options;
   options.busy_poll = config_.busy_poll;
-  options.drain = &signals.drain;
   options.shutdown.at_once = &signals.at_once;
   options.local_rights = config_.local_rights;
   if (workers_.size() > 1) options.idle_period_ns = kIdleWithOthersNs;

@@ -12,7 +12,6 @@
 #include "telenano/common/rt/clock.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/security/dtls_server.h"
-#include "telenano/nve_server/app/serve/checkpoint_keeper.h"
 #include "telenano/nve_server/app/serve/local_users.h"
 #include "telenano/nve_server/app/serve/serve_security.h"
 #include "telenano/nve_server/app/serve/server_signals.h"
@@ -31,7 +30,6 @@ struct WorkersConfig {
   std::size_t sessions_per_peer = 64;                ///< of one key, or in the clear of one IP address
   net::Rights local_rights = net::Rights::kOperate;  ///< of who shows no key
   std::optional<LocalUserList> local_users{};  ///< who may come in without a key; left out: all local users
-  bool checkpoints = false;                    ///< there is a CheckpointKeeper
   bool audit = false;                          ///< each worker leaves events in a queue
 };
 
@@ -59,9 +57,7 @@ class Workers {
 
   /// Then the channels and the servers. `base`: what they have in common. Throws UserError or RunError.
   void prepare(const ServeSecurity& security, const server::ServerConfig& base,
-               const std::vector<server::ServedScene>& scenes, CheckpointKeeper* keeper = nullptr);
-  /// Between the loops, and with the keeper of checkpoints.
-  server::WorkerMail& mail() noexcept { return mail_; }
+               const std::vector<server::ServedScene>& scenes);
 
   /// Serves until `signals.stop`, the first worker in the calling thread; then says goodbye. `told`: what the
   /// system grants of a realtime_priority, before the first worker begins; threads that the caller starts

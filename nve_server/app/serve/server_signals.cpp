@@ -7,7 +7,6 @@ namespace {
 
 // Signal handlers can reach nothing else.
 ServerSignals g_signals;
-std::atomic<bool> g_drain_first{false};
 static_assert(std::atomic<bool>::is_always_lock_free);
 
 void on_stop(int) {
@@ -16,22 +15,6 @@ void on_stop(int) {
   g_signals.at_once = true;
   std::signal(SIGINT, SIG_DFL);
   std::signal(SIGTERM, SIG_DFL);
-}
-
-void on_terminate(int signal) {
-  if (g_signals.serves && g_drain_first.exchange(false)) {
-    g_signals.drain = true;
-  } else {
-    on_stop(signal);
-  }
-}
-
-void on_drain(int signal) {
-  if (g_signals.serves) {
-    g_signals.drain = true;
-  } else if (!g_signals.stop) {
-    on_stop(signal);
-  }
 }
 
 void on_reload(int) {
@@ -46,12 +29,10 @@ void handle(int signal, void (*handler)(int)) {
 
 }  // namespace
 
-ServerSignals& catch_server_signals(bool drain_first) {
-  g_signals.drain = g_signals.stop = g_signals.at_once = g_signals.reload = g_signals.serves = false;
-  g_drain_first = drain_first;
+ServerSignals& catch_server_signals() {
+  g_signals.stop = g_signals.at_once = g_signals.reload = false;
   handle(SIGINT, on_stop);
-  handle(SIGTERM, on_terminate);
-  handle(SIGUSR1, on_drain);
+  handle(SIGTERM, on_stop);
   handle(SIGHUP, on_reload);
   return g_signals;
 }

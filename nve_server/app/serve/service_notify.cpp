@@ -23,11 +23,6 @@ void notify_start_goes_on(const std::string& status) noexcept {
   sd_notifyf(0, "EXTEND_TIMEOUT_USEC=30000000\nSTATUS=%s", status.c_str());
 }
 
-void notify_end_takes(int seconds) noexcept {
-  // As much more as telenano-nve.service allows for the end without a drain (TimeoutStopSec).
-  sd_notifyf(0, "EXTEND_TIMEOUT_USEC=%d000000", seconds + 5);
-}
-
 ServiceNotify::ServiceNotify(std::vector<const server::LoopStatus*> loops) : loops_(std::move(loops)) {
   std::uint64_t watchdog_us = 0;
   watched_ = sd_watchdog_enabled(0, &watchdog_us) > 0;
@@ -72,7 +67,6 @@ void ServiceNotify::run() {
 #else
 
 void notify_start_goes_on(const std::string&) noexcept {}
-void notify_end_takes(int) noexcept {}
 
 ServiceNotify::ServiceNotify(std::vector<const server::LoopStatus*> loops) : loops_(std::move(loops)) {}
 ServiceNotify::~ServiceNotify() = default;

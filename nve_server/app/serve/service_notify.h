@@ -15,9 +15,6 @@ namespace telenano::app {
 /// allowed from now, and `status` is shown. Nothing where no service manager asked.
 void notify_start_goes_on(const std::string& status) noexcept;
 
-/// Tells the service manager that the end may take so long, besides the orderly end itself.
-void notify_end_takes(int seconds) noexcept;
-
 /// Tells the service manager how the server is (sd_notify(3)): READY once it serves, a line of status, and
 /// the watchdog's sign of life, which is given only while the loop turns: a loop that hangs is killed and
 /// started again. Works from a thread of its own, and is nothing where no service manager asked (no

@@ -50,14 +50,6 @@ TEST(Health, AFullServerIsAliveAndNotReady) {
   expect(readiness(facts), 503, "full");
 }
 
-TEST(Health, OneThatDrainsIsAliveAndNotReady) {
-  HealthFacts facts = serving();
-  facts.draining = true;
-  facts.sessions = facts.max_sessions;
-  expect(liveness(facts), 200, "ok");
-  expect(readiness(facts), 503, "draining");
-}
-
 TEST(Health, OneThatWasToldToEndIsNotReady) {
   HealthFacts facts = serving();
   facts.stopping = true;

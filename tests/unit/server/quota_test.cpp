@@ -348,7 +348,7 @@ TEST(Rate, WhatAStallHasKeptBackIsAnswered) {
 
 /// Who shows one token of nobody's after the other: no one answers in time, and another one still can ask.
 TEST(TokenSearch, OnePartyHasThreeQuartersOfTheQuestions) {
-  WorkerMail mail(1, true);
+  WorkerMail mail(2);
   TokenSearch search(&mail, 0);
   net::Address from;
   link::Hello hello;

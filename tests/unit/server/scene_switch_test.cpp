@@ -337,16 +337,11 @@ TEST(SceneSwitch, AWelcomeOfAThirdSceneIsNotTaken) {
   EXPECT_EQ(s.station().on_datagram({out.data(), m}, s.session.now_ns), ClientEvent::kWelcome);
 }
 
-TEST(SceneSwitch, SeveralScenesGoWithNeitherASharedTipNorCheckpointsNorTwice) {
+TEST(SceneSwitch, SeveralScenesGoNeitherWithASharedTipNorTwice) {
   Scenes scenes;
   ServerConfig config = test_config();
   config.share = Share::kOneTip;
   EXPECT_THROW(Server(config, scenes.all()), UserError);
-  Bell bell;
-  CheckpointQueue queue(4096, bell);
-  ServerConfig kept = test_config();
-  kept.checkpoints = &queue;
-  EXPECT_THROW(Server(kept, scenes.all()), UserError);
   std::vector<ServedScene> twice = scenes.all();
   twice[2].hash = twice[0].hash;
   EXPECT_THROW(Server(test_config(), std::move(twice)), UserError);

@@ -107,12 +107,6 @@ TEST(ServiceNotify, NoWatchdogNoSignOfLife) {
   EXPECT_FALSE(has(manager.hear(kLook), "WATCHDOG"));
 }
 
-TEST(ServiceNotify, ADrainAsksForItsTimeAndThatOfTheEnd) {
-  const ServiceManager manager;
-  notify_end_takes(120);
-  EXPECT_EQ(manager.hear(kLook), "EXTEND_TIMEOUT_USEC=125000000\n");
-}
-
 TEST(ServiceNotify, NobodyAskedNothingHappens) {
   server::LoopStatus status;
   const ServiceNotify service(status);

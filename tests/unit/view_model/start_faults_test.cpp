@@ -20,7 +20,7 @@ std::string of_server(const std::string& server) {
 TEST(StartFaults, WhatCanBeAServerHasNone) {
   for (const char* const server :
        {"127.0.0.1:5100", "lab:1", "lab.example.org:65535", "[::1]:5100", "[fe80::1%eth0]:5100", "a-b_c.d:7",
-        "m\u00fcnchen:5100", "lab1:5100,lab2:5100,[::1]:5100", "[127.0.0.1]:5100"})
+        "m\u00fcnchen:5100", "[127.0.0.1]:5100"})
     EXPECT_EQ(of_server(server), "") << server;
   EXPECT_EQ(of_server(std::string(253, 'a') + ":5100"), "");
 }
@@ -54,10 +54,9 @@ TEST(StartFaults, NonsenseInTheServersFieldIsOneLineThatSaysWhy) {
       {"http://lab:5100", "Leave out what stands before the host"},
       {"lab:51:00", "One colon"},
       {"2001:db8:0:0:0:0:0:1:5100", "needs brackets"},
-      {"lab:5100,", "missing beside the comma"},
-      {",lab:5100", "missing beside the comma"},
-      {"lab:5100,,lab:5101", "missing beside the comma"},
-      {"lab:5100,lab", "needs its port"},
+      {"lab:5100,", "Port '5100,'"},
+      {",lab:5100", "',lab' is no host"},
+      {"lab1:5100,lab2:5100", "One colon"},
       {"l\aab:5100", "Character 2 is a control character (0x07)"},
       {"lab:5100\n", "control character (0x0a)"},
       {"lab\x7f:5100", "control character (0x7f)"},
@@ -95,7 +94,7 @@ TEST(StartFaults, NonsenseInTheOtherFields) {
   choice.server_key = "sha256:" + digits;
   EXPECT_EQ(start_faults(choice).first(), "");
   choice.server_key += ",sha256:" + digits;
-  EXPECT_EQ(start_faults(choice).first(), "") << "several servers";
+  EXPECT_EQ(start_faults(choice).first(), "") << "several keys";
   choice.identity = std::string(4096, 'x');
   EXPECT_NE(start_faults(choice).identity.find("this one has 4096"), std::string::npos);
   choice = {};
