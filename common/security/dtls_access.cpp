@@ -10,22 +10,14 @@
 namespace telenano::security {
 namespace {
 
-std::optional<Grant> grant_of(const KeyList& list, std::string_view identity) noexcept {
-  try {
-    return list.find_grant(identity);
-  } catch (...) {  // no memory, or no hash
-    return std::nullopt;
-  }
-}
-
 void copy_name(std::string_view from, std::array<char, 65>& to) noexcept {
   std::copy_n(from.begin(), std::min(from.size(), to.size() - 1), to.begin());
 }
 
 }  // namespace
 
-DtlsAccess::DtlsAccess(Config config, KeyList keys)
-    : config_(std::move(config)),
+DtlsAccess::DtlsAccess(bool certificates, KeyList keys)
+    : certificates_(certificates),
       keys_(std::make_unique<const KeyList>(std::move(keys))),
       list_name_(name_of(*keys_)) {}
 
@@ -36,10 +28,8 @@ std::unique_ptr<const KeyList> DtlsAccess::adopt(std::unique_ptr<const KeyList> 
 
 std::optional<Psk> DtlsAccess::psk_of(const char* shown) const noexcept {
   if (shown == nullptr) return std::nullopt;
-  const std::optional<Grant> grant = grant_of(*keys_, shown);
-  const bool over = grant && grant->expires_s && *grant->expires_s <= config_.unix_time_s();
-  if (!grant || over) return std::nullopt;
-  return grant->psk;
+  const KeyEntry* const key = keys_->find_key(shown);
+  return key != nullptr ? std::optional(key->psk) : std::nullopt;
 }
 
 bool DtlsAccess::allows_certificate(X509_STORE_CTX* store, bool good) const noexcept {
@@ -50,7 +40,7 @@ bool DtlsAccess::allows_certificate(X509_STORE_CTX* store, bool good) const noex
     X509_STORE_CTX_set_error(store, X509_V_OK);
     return true;
   }
-  if (!known || !config_.certificates ||
+  if (!known || !certificates_ ||
       (good && keys_->find_certificate(identity.name.data(), identity.fingerprint.data()) == nullptr)) {
     X509_STORE_CTX_set_error(store, X509_V_ERR_CERT_REJECTED);
     return false;
@@ -68,7 +58,7 @@ std::optional<PeerIdentity> DtlsAccess::identify_by_certificate(X509* certificat
     peer.number = identity_number('p', known->identity);
     return peer;
   }
-  if (!config_.certificates) return std::nullopt;
+  if (!certificates_) return std::nullopt;
   const CertificateEntry* const entry = keys_->find_certificate(shown.name.data(), shown.fingerprint.data());
   if (entry == nullptr) return std::nullopt;
   peer.name = entry->name.empty() ? shown.fingerprint : shown.name;
@@ -78,13 +68,12 @@ std::optional<PeerIdentity> DtlsAccess::identify_by_certificate(X509* certificat
 }
 
 std::optional<PeerIdentity> DtlsAccess::identify_by_psk(std::string_view shown) const noexcept {
-  const std::optional<Grant> grant = grant_of(*keys_, shown);
-  if (!grant) return std::nullopt;
+  const KeyEntry* const key = keys_->find_key(shown);
+  if (key == nullptr) return std::nullopt;
   PeerIdentity peer;
   copy_name(shown, peer.name);
-  peer.rights = grant->rights;
-  peer.number = grant->number;
-  if (grant->expires_s && config_.grant_names) note_name(*grant);
+  peer.rights = key->rights;
+  peer.number = identity_number('k', shown);
   return peer;
 }
 
@@ -97,18 +86,11 @@ std::optional<PeerIdentity> DtlsAccess::identify_peer(SSL* ssl) const noexcept {
 std::optional<PeerIdentity> DtlsAccess::still_allowed(SSL* ssl, const PeerIdentity& peer,
                                                       const KeyList& former) const noexcept {
   const bool by_name = SSL_get0_peer_certificate(ssl) == nullptr;
-  const std::optional<Grant> before = by_name ? grant_of(former, peer.name.data()) : std::nullopt;
-  const std::optional<Grant> after = grant_of(*keys_, peer.name.data());
-  const bool same_key = !before || (after && equal(before->psk, after->psk));
+  const KeyEntry* const before = by_name ? former.find_key(peer.name.data()) : nullptr;
+  const KeyEntry* const after = keys_->find_key(peer.name.data());
+  const bool same_key = before == nullptr || (after != nullptr && equal(before->psk, after->psk));
   const std::optional<PeerIdentity> now = identify_peer(ssl);
   return same_key && now && now->rights == peer.rights ? now : std::nullopt;
-}
-
-void DtlsAccess::note_name(const Grant& grant) const noexcept {
-  try {
-    config_.grant_names->note(grant.number, grant.name);
-  } catch (...) {  // no memory: the number is said instead
-  }
 }
 
 }  // namespace telenano::security

@@ -6,14 +6,12 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string_view>
 
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/security/dtls_resumption.h"
-#include "telenano/common/security/grant_names.h"
 #include "telenano/common/security/key_list.h"
 
 namespace telenano::security {
@@ -29,20 +27,14 @@ struct PeerIdentity {
 /// identity of whoever has completed one. Nothing throws after construction.
 class DtlsAccess {
  public:
-  struct Config {
-    bool certificates = false;                    ///< also those that an authority has signed
-    std::shared_ptr<GrantNames> grant_names;      ///< learns who has come in by a token; or null
-    std::function<std::int64_t()> unix_time_s{};  ///< tokens expire by it
-  };
-
-  DtlsAccess(Config config, KeyList keys);
+  /// `certificates`: also those that an authority has signed.
+  DtlsAccess(bool certificates, KeyList keys);
 
   const ListName& list_name() const noexcept { return list_name_; }
   /// The list from now on; returns the former one.
   std::unique_ptr<const KeyList> adopt(std::unique_ptr<const KeyList> keys) noexcept;
 
-  /// The secret behind a name that was shown in a handshake. None: unknown, or a token that has expired. What
-  /// a token has begun may go on, and be resumed.
+  /// The secret behind a name that was shown in a handshake. None: unknown.
   std::optional<Psk> psk_of(const char* shown) const noexcept;
   /// The peer's own certificate, after OpenSSL's judgement of it. Sets the store's error; false: refused.
   bool allows_certificate(X509_STORE_CTX* store, bool good) const noexcept;
@@ -57,9 +49,8 @@ class DtlsAccess {
  private:
   std::optional<PeerIdentity> identify_by_certificate(X509* certificate) const noexcept;
   std::optional<PeerIdentity> identify_by_psk(std::string_view shown) const noexcept;
-  void note_name(const Grant& grant) const noexcept;
 
-  Config config_;
+  bool certificates_;
   std::unique_ptr<const KeyList> keys_;
   ListName list_name_;
 };

@@ -117,12 +117,6 @@ ListName name_of(const KeyList& list) noexcept {
     add(entry.identity);
     add(entry.public_key);
   }
-  for (const Issuer& issuer : list.issuers) {
-    add("issuer");
-    add(net::name(issuer.rights));
-    add(issuer.name);
-    add({reinterpret_cast<const char*>(issuer.secret.bytes.data()), issuer.secret.bytes.size()});
-  }
   EVP_DigestFinal_ex(digest, name.data(), nullptr);
   EVP_MD_CTX_free(digest);
   return name;

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <cstring>
 #include <vector>
 
@@ -34,14 +33,8 @@ constexpr std::size_t kNone = Associations::kNone;
 constexpr std::int64_t kTickNs = 5'000'000;
 constexpr std::size_t kAddressBuckets = 256;
 
-std::int64_t system_time_s() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::floor<std::chrono::seconds>(now).count();
-}
-
 // What the caller leaves out.
 DtlsServerConfig completed(DtlsServerConfig config) {
-  if (!config.unix_time_s) config.unix_time_s = system_time_s;
   if (!config.resumption) config.resumption = std::make_shared<ResumptionCache>(4 * config.capacity);
   return config;
 }
@@ -59,7 +52,7 @@ struct DtlsServer::Impl {
   Impl(const DtlsServerConfig& c, KeyList k, net::Datagram& w, const rt::Clock& time,
        const rt::Clock* work_time)
       : config(completed(c)),
-        access({c.certificates.has_value(), config.grant_names, config.unix_time_s}, std::move(k)),
+        access(c.certificates.has_value(), std::move(k)),
         context(make_context(true, true, c.certificates, c.identity)),
         wire(w),
         clock(time),

@@ -10,7 +10,6 @@
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/common/security/certificate_files.h"
-#include "telenano/common/security/grant_names.h"
 #include "telenano/common/security/key_list.h"
 #include "telenano/common/security/resumption_cache.h"
 #include "telenano/common/security/security_counters.h"
@@ -33,10 +32,6 @@ struct DtlsServerConfig {
   /// Of several that serve one port: a peer that comes back resumes with whichever it meets. Left out: its
   /// own.
   std::shared_ptr<ResumptionCache> resumption;
-  /// Learns who has come in by a token. Left out: nobody is told.
-  std::shared_ptr<GrantNames> grant_names;
-  /// Unix time, which tokens expire by. Left out: the system's.
-  std::function<std::int64_t()> unix_time_s;
   double handshake_share = 0.1;                 ///< of the loop's time, in the long run
   std::int64_t handshake_burst_ns = 2'000'000;  ///< and at once
   double cookies_per_s = 20000;                 ///< answers to strangers, all together

@@ -7,8 +7,8 @@
 
 namespace telenano::security {
 
-/// What people call those who have come in by a token: its name is in no list. Bounded: the first that came
-/// are forgotten all at once when there are too many.
+/// What people call local users: they are in no list of keys. Bounded: the first that came are forgotten all at
+/// once when there are too many.
 ///
 /// Any thread. Locked for a look, and within handshakes only, which allocate too.
 class GrantNames {

@@ -50,7 +50,6 @@ void add_key(KeyList list, const KeyEntry& entry, const std::string& list_path,
   std::vector<std::string> known;
   for (const auto& entry : list.keys) known.push_back(entry.identity);
   for (const auto& entry : list.certificates) known.push_back(entry.name);
-  for (const auto& issuer : list.issuers) known.push_back(issuer.name);
   for (const auto& entry : list.public_keys) known.push_back(entry.identity);
   const std::string near = config::nearest_name(identity, known);
   throw UserError("--keys " + list_path + ": has no " + what + " '" + identity + "'" +
@@ -73,44 +72,6 @@ void new_key(const std::string& list_path, const std::string& identity, net::Rig
                     "' already; choose another name, or revoke it first");
   }
   add_key(std::move(list), {identity, fresh_psk(), rights, expires_s}, list_path, station_path);
-}
-
-namespace {
-
-void add_issuer(const std::string& list_path, const Issuer& issuer) {
-  KeyList list;
-  if (exists(list_path)) list = load_key_list(list_path);
-  if (list.find_issuer(issuer.name) != nullptr) {
-    throw UserError("--keys " + list_path + ": has an issuer '" + issuer.name +
-                    "' already; choose another name, or revoke it first");
-  }
-  list.issuers.push_back(issuer);
-  replace_private_file(list_path, key_list_text(list), "--keys");
-}
-
-}  // namespace
-
-void new_issuer(const std::string& list_path, const std::string& name, net::Rights rights,
-                const std::string& issuer_path) {
-  if (!is_issuer_name(name))
-    throw UserError("issuer '" + name +
-                    "': expected a name of 1 to 16 letters, digits, dashes and underscores");
-  const PrivateFileLock lock(list_path, "--keys");
-  const Issuer issuer{name, fresh_psk(), rights};
-  create_private_file(issuer_path, issuer_text(issuer), "--out");
-  try {
-    add_issuer(list_path, issuer);
-  } catch (...) {
-    ::unlink(issuer_path.c_str());
-    throw;
-  }
-}
-
-std::string adopt_issuer(const std::string& list_path, const std::string& issuer_path) {
-  const Issuer issuer = load_issuer(issuer_path);
-  const PrivateFileLock lock(list_path, "--keys");
-  add_issuer(list_path, issuer);
-  return issuer.name;
 }
 
 std::string server_identity_path(const std::string& list_path) {
@@ -211,12 +172,10 @@ void revoke_key(const std::string& list_path, const std::string& identity) {
                     [&](const CertificateEntry& entry) {
                       return entry.name == identity || entry.fingerprint == identity;
                     }) +
-      std::erase_if(list.public_keys,
-                    [&](const PublicKeyEntry& entry) {
-                      return entry.identity == identity || entry.public_key == public_key_digits(identity);
-                    }) +
-      std::erase_if(list.issuers, [&](const Issuer& issuer) { return issuer.name == identity; });
-  if (removed == 0) refuse_unknown(list, list_path, identity, "key, certificate or issuer");
+      std::erase_if(list.public_keys, [&](const PublicKeyEntry& entry) {
+        return entry.identity == identity || entry.public_key == public_key_digits(identity);
+      });
+  if (removed == 0) refuse_unknown(list, list_path, identity, "key or certificate");
   replace_private_file(list_path, key_list_text(list), "--keys");
 }
 
@@ -232,8 +191,6 @@ std::string list_keys(const std::string& list_path) {
     line("certificate", entry.name.empty() ? "sha256:" + entry.fingerprint : entry.name, entry);
   for (const auto& entry : list.public_keys)
     line("public", entry.identity + " sha256:" + entry.public_key, entry);
-  for (const auto& issuer : list.issuers)
-    csv += "issuer," + issuer.name + "," + std::string(net::name(issuer.rights)) + ",\n";
   return csv;
 }
 

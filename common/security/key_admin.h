@@ -29,13 +29,6 @@ std::string rotate_key(const std::string& list_path, const std::string& identity
                        const std::string& station_path, std::int64_t old_expires_s,
                        std::optional<std::int64_t> expires_s = {});
 
-/// An issuer of connect tokens with a fresh secret: added to the list (which is made if there is none) and
-/// written to `issuer_path`, for whoever makes tokens. Throws UserError as new_key.
-void new_issuer(const std::string& list_path, const std::string& name, net::Rights rights,
-                const std::string& issuer_path);
-/// The same issuer for another server: from a file that new_issuer has written. Returns its name.
-std::string adopt_issuer(const std::string& list_path, const std::string& issuer_path);
-
 /// What a server is known by to stations with a public key: `server.id` beside its list.
 std::string server_identity_path(const std::string& list_path);
 /// Its name ("sha256:…"); made, where there is none yet. `made`: it was.
@@ -49,7 +42,8 @@ net::Rights add_public_key(const std::string& list_path, const std::string& iden
                            const std::string& public_key, std::optional<net::Rights> rights,
                            std::optional<std::int64_t> expires_s, std::optional<std::int64_t> old_expires_s);
 
-/// Takes a key (by its identity), a public key (by name, or "sha256:…" for one of several), a certificate (by name or fingerprint) or an issuer (by name) off the list.
+/// Takes a key (by its identity), a public key (by name, or "sha256:…" for one of several) or a certificate (by
+/// name or fingerprint) off the list.
 /// Throws UserError, with the nearest name, if there is no such one.
 void revoke_key(const std::string& list_path, const std::string& identity);
 

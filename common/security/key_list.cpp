@@ -9,7 +9,6 @@
 #include "telenano/common/base/utc_time.h"
 #include "telenano/common/config/toml_document.h"
 #include "telenano/common/link/siphash.h"
-#include "telenano/common/security/connect_token.h"
 #include "telenano/common/security/identity_file.h"
 #include "telenano/common/security/private_file.h"
 
@@ -48,13 +47,13 @@ std::string read_identity(const TomlTable& table) {
   return identity;
 }
 
-Psk read_psk(const TomlTable& table, const char* name = "psk") {
-  std::string text = table.text(name);
+Psk read_psk(const TomlTable& table) {
+  std::string text = table.text("psk");
   const std::optional<Psk> psk = parse_psk(text);
   ::explicit_bzero(text.data(), text.size());
   if (!psk) {
-    table.fail(name, "expected " + std::to_string(2 * Psk::kBytes) +
-                         " lower-case hexadecimal digits, as telenano-nve keys new writes them");
+    table.fail("psk", "expected " + std::to_string(2 * Psk::kBytes) +
+                          " lower-case hexadecimal digits, as telenano-nve keys new writes them");
   }
   return *psk;
 }
@@ -110,21 +109,6 @@ PublicKeyEntry read_public_key(const TomlTable& table) {
   return entry;
 }
 
-Issuer read_issuer(const TomlTable& table) {
-  Issuer issuer;
-  issuer.name = table.text("name");
-  if (!is_issuer_name(issuer.name))
-    table.fail("name", "expected 1 to 16 letters, digits, dashes and underscores");
-  issuer.secret = read_psk(table, "secret");
-  issuer.rights = read_rights(table);
-  return issuer;
-}
-
-std::string issuer_lines(const Issuer& issuer) {
-  return "name = \"" + issuer.name + "\"\nsecret = \"" + hex(issuer.secret) + "\"\nrights = \"" +
-         std::string(net::name(issuer.rights)) + "\"\n";
-}
-
 }  // namespace
 
 std::string public_key_digits(std::string_view name) {
@@ -156,66 +140,23 @@ bool is_identity(std::string_view text) noexcept {
   });
 }
 
-bool is_issuer_name(std::string_view text) noexcept {
-  return is_identity(text) && text.size() <= 16 && text.find('.') == std::string_view::npos;
-}
-
-Issuer load_issuer(const std::string& path) {
-  const TomlDocument document = TomlDocument::parse(read_private_file(path, "issuer file"), path);
-  Issuer issuer = read_issuer(document.root());
-  document.finish();
-  return issuer;
-}
-
-std::string issuer_text(const Issuer& issuer) {
-  return "# Whoever has this file can make connect tokens (telenano-nve token) for each server that has the "
-         "same "
-         "in its\n# list of keys (telenano-nve keys issuer --from). Carry it by hand or scp.\n" +
-         issuer_lines(issuer);
-}
-
-std::string key_lines(const StationKey& key) {
-  return "identity = \"" + key.identity + "\"\npsk = \"" + hex(key.psk) + "\"\n";
-}
-
-StationKey read_key(const TomlTable& table) {
-  return {read_identity(table), read_psk(table)};
-}
-
 StationKey load_station_key(const std::string& path) {
   const TomlDocument document = TomlDocument::parse(read_private_file(path, "key file"), path);
-  StationKey key = read_key(document.root());
+  StationKey key{read_identity(document.root()), read_psk(document.root())};
   document.finish();
   return key;
 }
 
 std::string station_key_text(const StationKey& key) {
   return "# A station's key: whoever has this file can open sessions with the server. Carry it by hand or "
-         "scp.\n" +
-         key_lines(key);
+         "scp.\nidentity = \"" +
+         key.identity + "\"\npsk = \"" + hex(key.psk) + "\"\n";
 }
 
 const KeyEntry* KeyList::find_key(std::string_view identity) const noexcept {
   const auto found = std::find_if(keys.begin(), keys.end(),
                                   [&](const KeyEntry& entry) { return entry.identity == identity; });
   return found == keys.end() ? nullptr : &*found;
-}
-
-const Issuer* KeyList::find_issuer(std::string_view name) const noexcept {
-  const auto found =
-      std::find_if(issuers.begin(), issuers.end(), [&](const Issuer& issuer) { return issuer.name == name; });
-  return found == issuers.end() ? nullptr : &*found;
-}
-
-std::optional<Grant> KeyList::find_grant(std::string_view identity) const {
-  if (const KeyEntry* const key = find_key(identity))
-    return Grant{key->psk, key->rights, {}, identity_number('k', identity), key->identity};
-  const std::optional<TokenName> token = parse_token_name(identity);
-  const Issuer* const issuer = token ? find_issuer(token->issuer) : nullptr;
-  if (issuer == nullptr || token->rights > issuer->rights) return std::nullopt;
-  // Not by the whole name: who gets a new token goes on with the session that he had by the old one.
-  const std::string who = token->issuer + ":" + token->station;
-  return Grant{token_psk(*issuer, identity), token->rights, token->expires_s, identity_number('t', who), who};
 }
 
 const CertificateEntry* KeyList::find_certificate(std::string_view name,
@@ -280,11 +221,6 @@ KeyList parse_key_list(std::string content, const std::string& name) {
     if (twice) table.fail(entry.name.empty() ? "fingerprint" : "name", "comes twice");
     list.certificates.push_back(std::move(entry));
   }
-  for (const TomlTable& table : document.root().tables("issuer")) {
-    Issuer issuer = read_issuer(table);
-    if (list.find_issuer(issuer.name) != nullptr) table.fail("name", "'" + issuer.name + "' comes twice");
-    list.issuers.push_back(std::move(issuer));
-  }
   for (const TomlTable& table : document.root().tables("public")) {
     PublicKeyEntry entry = read_public_key(table);
     if (list.find_public_key(entry.public_key) != nullptr) table.fail("key", "comes twice");
@@ -313,7 +249,6 @@ std::string key_list_text(const KeyList& list) {
     text += "\n[[public]]\nidentity = \"" + entry.identity + "\"\nkey = \"sha256:" + entry.public_key +
             "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n" + expiry_line(entry.expires_s);
   }
-  for (const Issuer& issuer : list.issuers) text += "\n[[issuer]]\n" + issuer_lines(issuer);
   return text;
 }
 

@@ -10,10 +10,6 @@
 
 #include "telenano/common/net/rights.h"
 
-namespace telenano::config {
-class TomlTable;
-}
-
 namespace telenano::security {
 
 /// A pre-shared key: 256 random bits that wipe themselves.
@@ -40,9 +36,6 @@ struct StationKey {
 /// expected, never with a secret.
 StationKey load_station_key(const std::string& path);
 std::string station_key_text(const StationKey& key);
-/// The two lines of a key within a file, and what reads them.
-std::string key_lines(const StationKey& key);
-StationKey read_key(const config::TomlTable& table);
 
 struct KeyEntry {
   std::string identity;
@@ -68,36 +61,13 @@ struct PublicKeyEntry {
   std::optional<std::int64_t> expires_s{};  ///< as for a key
 };
 
-/// Who may make connect tokens for this server without asking it (connect_token.h).
-struct Issuer {
-  std::string name;  ///< is_issuer_name()
-  Psk secret;
-  net::Rights rights = net::Rights::kOperate;  ///< the most that a token of his gives
-};
-
-/// What a name gives that a station shows in the clear.
-struct Grant {
-  Psk psk;
-  net::Rights rights = net::Rights::kObserve;
-  std::optional<std::int64_t> expires_s;  ///< of a token: from then on it begins nothing
-  std::uint64_t number = 0;               ///< net::Standing::identity
-  std::string name;                       ///< for people: a key's identity, a token's "issuer:station"
-};
-
 /// Who may come in, and what each may do: the server's allow-list. What is not in it is refused.
 struct KeyList {
   std::vector<KeyEntry> keys;
   std::vector<CertificateEntry> certificates;
-  std::vector<Issuer> issuers;
   std::vector<PublicKeyEntry> public_keys;
 
-  /// By a key of the list, or by a token that one of its issuers has made, expired or not. Throws what the
-  /// hash throws where there is no memory.
-  std::optional<Grant> find_grant(std::string_view identity) const;
-  const Issuer* find_issuer(std::string_view name) const noexcept;
-  bool empty() const noexcept {
-    return keys.empty() && certificates.empty() && issuers.empty() && public_keys.empty();
-  }
+  bool empty() const noexcept { return keys.empty() && certificates.empty() && public_keys.empty(); }
 
   const KeyEntry* find_key(std::string_view identity) const noexcept;
   /// A fingerprint wins over a name.
@@ -113,8 +83,8 @@ struct KeyList {
 };
 
 /// Reads the list: TOML with tables [[key]] (identity, psk, rights) and [[certificate]] (name or fingerprint,
-/// rights), and in each `expires` where it ends ("2027-01-31T12:00:00Z"), and [[issuer]] (name, secret,
-/// rights), and [[public]] (identity, key, rights). Also gives what has expired. Throws UserError as load_station_key.
+/// rights) and [[public]] (identity, key, rights), and in each `expires` where it ends ("2027-01-31T12:00:00Z").
+/// Also gives what has expired. Throws UserError as load_station_key.
 KeyList load_key_list(const std::string& path);
 KeyList parse_key_list(std::string content, const std::string& name);
 std::string key_list_text(const KeyList& list);
@@ -123,14 +93,6 @@ std::string key_list_text(const KeyList& list);
 /// ('p', the station's name, whichever of its pairs it shows); never 0.
 /// The names are those of the list, so that nobody can choose one that collides.
 std::uint64_t identity_number(char kind, std::string_view identity) noexcept;
-
-/// An issuer's file as `telenano-nve keys issuer` writes it: for whoever makes tokens, and for the other
-/// servers that shall take them. Throws UserError as load_station_key.
-Issuer load_issuer(const std::string& path);
-std::string issuer_text(const Issuer& issuer);
-
-/// 1 to 16 letters, digits, dashes and underscores.
-bool is_issuer_name(std::string_view text) noexcept;
 
 /// 1 to 64 letters, digits, dots, dashes and underscores: goes over the wire in the clear, into messages and
 /// file names.

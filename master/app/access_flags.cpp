@@ -1,26 +1,10 @@
 #include "telenano/master/app/access_flags.h"
 
 #include <CLI/CLI.hpp>
-#include <chrono>
-
-#include "telenano/common/security/connect_token.h"
 
 namespace telenano::app {
 
 void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
-  CLI::Option* const token = command.add_option_function<std::string>(
-      "--token",
-      [&access](const std::string& path) {
-        const security::ConnectToken read = security::load_token(path);
-        using std::chrono::seconds;
-        const auto now = std::chrono::floor<seconds>(std::chrono::system_clock::now());
-        security::require_in_force(read, path, now.time_since_epoch().count());
-        access.server = read.servers;
-        access.token = path;
-      },
-      "Connect token: servers and a temporary key, instead of --server and --key");
-  token->type_name("FILE");
-  if (CLI::Option* const server = command.get_option_no_throw("--server")) token->excludes(server);
   command.add_option("--key", access.key, "This station's key file, for an encrypted session")
       ->type_name("FILE");
   command

@@ -7,24 +7,14 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/link/messages.h"
-#include "telenano/common/security/connect_token.h"
 #include "telenano/common/security/identity_file.h"
+#include "telenano/common/security/key_list.h"
 
 namespace telenano::connection {
 namespace {
 
 bool wants_security(const ServerAccess& options) {
-  return !options.token.empty() || !options.key.empty() || !options.identity.empty() ||
-         !options.certificate.empty();
-}
-
-bool wants_key(const ServerAccess& options) {
-  return !options.token.empty() || !options.key.empty();
-}
-
-security::StationKey key_of(const ServerAccess& options) {
-  return options.token.empty() ? security::load_station_key(options.key)
-                               : security::load_token(options.token).key;
+  return !options.key.empty() || !options.identity.empty() || !options.certificate.empty();
 }
 
 void check_together(const ServerAccess& options) {
@@ -34,15 +24,13 @@ void check_together(const ServerAccess& options) {
       !options.certificate.empty() && !options.certificate_key.empty() && !options.authority.empty();
   if (any && !all) throw UserError("--cert, --cert-key and --ca go together; give all three, or --key FILE");
   if (any && !options.key.empty()) throw UserError("give either --key or --cert");
-  if (!options.token.empty() && (any || !options.key.empty()))
-    throw UserError("--token contains a key: omit --key and --cert");
   if (options.identity.empty() != options.server_key.empty()) {
     throw UserError(
         "--identity and --server-key are used together: telenano-nve keys add prints both when it adds this "
         "station");
   }
-  if (!options.identity.empty() && (any || !options.key.empty() || !options.token.empty()))
-    throw UserError("--identity: omit --key, --token and --cert");
+  if (!options.identity.empty() && (any || !options.key.empty()))
+    throw UserError("--identity: omit --key and --cert");
 }
 
 void check_flags(const ServerAccess& options, const net::Address& server) {
@@ -50,8 +38,7 @@ void check_flags(const ServerAccess& options, const net::Address& server) {
   if (!net::is_loopback(server) && !wants_security(options)) {
     throw UserError(fmt::format(
         "--server {}: off loopback sessions are encrypted; give --key FILE (telenano-nve keys new makes "
-        "one on the server's machine), --identity FILE and --server-key, --token FILE, or --cert, --cert-key "
-        "and --ca",
+        "one on the server's machine), --identity FILE and --server-key, or --cert, --cert-key and --ca",
         options.server));
   }
 }
@@ -94,8 +81,8 @@ ServerLink::ServerLink(const ServerAccess& options, const net::Address& server)
   if (!wants_security(options)) return;
   security::DtlsClientConfig config;
   config.server_name = host_of(options.server);
-  if (wants_key(options)) {
-    config.key = key_of(options);
+  if (!options.key.empty()) {
+    config.key = security::load_station_key(options.key);
   } else if (!options.identity.empty()) {
     config.identity = options.identity;
     config.server_keys = server_keys(options.server_key);
@@ -165,14 +152,14 @@ void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& st
 
 void require_credentials(const ServerAccess& options) {
   check_together(options);
-  if (wants_key(options)) key_of(options);
+  if (!options.key.empty()) security::load_station_key(options.key);
   if (options.identity.empty()) return;
   security::read_identity_name(options.identity, "--identity");
   server_keys(options.server_key);
 }
 
 std::string describe_security(const ServerAccess& options) {
-  if (wants_key(options)) return "DTLS 1.2, key " + key_of(options).identity;
+  if (!options.key.empty()) return "DTLS 1.2, key " + security::load_station_key(options.key).identity;
   if (!options.identity.empty()) return "DTLS 1.2, public key of " + options.identity;
   if (!options.certificate.empty()) return "DTLS 1.2, certificate " + options.certificate;
   return "none";

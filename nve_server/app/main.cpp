@@ -7,7 +7,6 @@
 #include "telenano/common/config/program.h"
 #include "telenano/common/hash/sha256.h"
 #include "telenano/nve_server/app/keys/keys_command.h"
-#include "telenano/nve_server/app/keys/token_command.h"
 #include "telenano/nve_server/app/sample/fit_command.h"
 #include "telenano/nve_server/app/sample/import_command.h"
 #include "telenano/nve_server/app/scene/check_command.h"
@@ -93,6 +92,5 @@ int main(int argc, char** argv) {
   telenano::app::add_import_command(app);
   telenano::app::add_fit_command(app);
   telenano::app::add_keys_command(app);
-  telenano::app::add_token_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);
 }

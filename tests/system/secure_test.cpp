@@ -386,7 +386,7 @@ TEST_F(SecureTest, FlagsThatDoNotGoTogether) {
        {"--key", "--cert"}},
       {run, {"--cert", "a"}, {"--cert-key", "--ca"}},
       {run, {"--cert", "a", "--cert-key", "b", "--ca", "c"}, {"--cert a"}},
-      {{kNve, "keys"}, {}, {"new, rotate, add, identity, issuer, list or revoke"}},
+      {{kNve, "keys"}, {}, {"new, rotate, add, identity, list or revoke"}},
       {{kNve, "keys"}, {"nwe"}, {"'nwe'", "did you mean new?"}},
       {{kNve, "keys", "new"}, {}, {"name"}},
       {{kNve, "keys", "new"},

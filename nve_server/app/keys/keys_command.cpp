@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "telenano/common/base/error.h"
 #include "telenano/common/base/utc_time.h"
 #include "telenano/common/net/rights.h"
 #include "telenano/common/security/key_admin.h"
@@ -23,7 +22,6 @@ struct KeysOptions {
   std::string name;
   std::string rights = "operate";
   std::string out;
-  std::string from;
   std::string public_key;
   std::optional<std::string> public_rights;
   std::optional<double> public_overlap_days;
@@ -69,21 +67,6 @@ void rotate_key(const KeysOptions& options) {
                utc_text(old_expires_s).c_str());
 }
 
-void make_issuer(const KeysOptions& options) {
-  if (!options.from.empty()) {
-    const std::string name = security::adopt_issuer(options.list, options.from);
-    std::fprintf(stderr, "telenano-nve: this server now accepts connect tokens of '%s' too\n", name.c_str());
-    return;
-  }
-  if (options.name.empty()) throw UserError("keys issuer: give a name for a new issuer, or --from FILE");
-  const std::string out = options.out.empty() ? options.name + ".issuer" : options.out;
-  security::new_issuer(options.list, options.name, *net::parse_rights(options.rights), out);
-  std::fprintf(stderr,
-               "telenano-nve: '%s' may make connect tokens that %s at most; copy %s to the program that "
-               "makes them (telenano-nve token) and to the other servers (keys issuer --from)\n",
-               options.name.c_str(), options.rights.c_str(), out.c_str());
-}
-
 /// Made at the first station that is let in: the line for it says by what it knows this server.
 std::string server_identity(const std::string& list) {
   bool made = false;
@@ -115,7 +98,7 @@ void add_public_key(const KeysOptions& options) {
 CLI::App* add_keys_command(CLI::App& app) {
   auto options = std::make_shared<KeysOptions>();
   CLI::App* const command = app.add_subcommand(
-      "keys", "Manage who may open encrypted sessions: new, rotate, add, identity, issuer, list, revoke");
+      "keys", "Manage who may open encrypted sessions: new, rotate, add, identity, list, revoke");
   command->require_subcommand(1);
   const auto add = [&](const char* name, const char* description) {
     CLI::App* const sub = command->add_subcommand(name, description);
@@ -176,31 +159,15 @@ CLI::App* add_keys_command(CLI::App& app) {
           "Print this server's public key, which stations pass as --server-key; created if there is none");
   identity->callback([options] { std::printf("%s\n", server_identity(options->list).c_str()); });
 
-  CLI::App* const issuer =
-      add("issuer", "Allow a scheduler or web page to issue connect tokens (see telenano-nve token)");
-  issuer->add_option("name", options->name, "Name of the issuer");
-  issuer
-      ->add_option("--rights", options->rights,
-                   "Highest right that its tokens may give: observe | operate | administer")
-      ->capture_default_str()
-      ->check(CLI::IsMember(rights));
-  issuer->add_option("--out", options->out, "Issuer file (default: NAME.issuer)")->type_name("FILE");
-  issuer
-      ->add_option("--from", options->from,
-                   "Also accept tokens of the issuer in this file, created on another server")
-      ->type_name("FILE")
-      ->check(CLI::ExistingFile);
-  issuer->callback([options] { make_issuer(*options); });
-
   CLI::App* const list = add("list", "Print the list as CSV, without secrets");
   list->callback([options] { std::fputs(security::list_keys(options->list).c_str(), stdout); });
 
   CLI::App* const revoke =
-      add("revoke", "Remove a key, certificate or issuer from the list; a running server ends its sessions");
+      add("revoke", "Remove a key or certificate from the list; a running server ends its sessions");
   revoke
-      ->add_option("name", options->name,
-                   "Name of the key or issuer, sha256:HEX of a public key, or common name or fingerprint of "
-                   "a certificate")
+      ->add_option(
+          "name", options->name,
+          "Name of the key, sha256:HEX of a public key, or common name or fingerprint of a certificate")
       ->required();
   revoke->callback([options] {
     security::revoke_key(options->list, options->name);

@@ -31,8 +31,8 @@ struct AuditStart {
 /// again. The file is only appended to, and opened anew by reopen(), so that logrotate may move it away.
 class AuditLog {
  public:
-  /// `key_list` and `grant_names`: to call keys and tokens by their names; empty: there are none. The queues must
-  /// outlive this. Throws UserError, one line, where the file cannot be opened.
+  /// `key_list` and `grant_names`: to call keys and local users by their names; empty: there are none. The queues
+  /// must outlive this. Throws UserError, one line, where the file cannot be opened.
   AuditLog(std::string path, std::vector<server::AuditQueue*> queues, std::string key_list,
            std::shared_ptr<const security::GrantNames> grant_names, const rt::Clock& clock,
            std::function<void(const std::string&)> warn);

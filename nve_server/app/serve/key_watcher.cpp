@@ -62,8 +62,7 @@ void KeyWatcher::read(bool say) {
     const security::KeyList list = all.in_force(now_s);
     next_expiry_s_ = all.next_expiry_s(now_s);
     warn_of_ends(all, now_s);
-    const std::size_t entries =
-        list.keys.size() + list.certificates.size() + list.issuers.size() + list.public_keys.size();
+    const std::size_t entries = list.keys.size() + list.certificates.size() + list.public_keys.size();
     for (security::DtlsServer* const server : servers_) server->offer_keys(list);
     if (say) inform_("keys read again: " + std::to_string(entries) + " entries");
   } catch (const std::exception& error) {

@@ -62,7 +62,6 @@ std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessio
   if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
   config.capacity = capacity(max_sessions);
   config.resumption = place.resumption;
-  config.grant_names = place.grant_names;
   config.worker = static_cast<std::uint8_t>(place.worker);
   config.connection_ids = place.connection_ids;
   const std::string identity = security::server_identity_path(key_list_path());

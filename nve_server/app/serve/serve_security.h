@@ -36,7 +36,6 @@ struct ServeSecurity {
     std::size_t worker = 0;
     bool connection_ids = true;  ///< see security::DtlsServerConfig
     std::shared_ptr<security::ResumptionCache> resumption;
-    std::shared_ptr<security::GrantNames> grant_names;
   };
   /// Throws UserError for files that do not serve.
   std::unique_ptr<security::DtlsServer> make(std::size_t max_sessions, const Place& place,

@@ -53,7 +53,6 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
   }
   ServeSecurity::Place place;
   place.connection_ids = steered_;
-  place.grant_names = grant_names_;
   if (security.is_secure()) {
     place.resumption =
         std::make_shared<security::ResumptionCache>(4 * ServeSecurity::capacity(config_.max_sessions));

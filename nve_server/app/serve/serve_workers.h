@@ -12,6 +12,7 @@
 #include "telenano/common/rt/clock.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/security/dtls_server.h"
+#include "telenano/common/security/grant_names.h"
 #include "telenano/nve_server/app/serve/local_users.h"
 #include "telenano/nve_server/app/serve/serve_security.h"
 #include "telenano/nve_server/app/serve/server_signals.h"

@@ -122,7 +122,8 @@ TEST_F(KeysTest, WhatHasExpiredIsInTheListAndNotInForce) {
       "\"\nrights = \"operate\"\nexpires = \"2027-01-31T12:00:00Z\"\n\n[[certificate]]\n"
       "name = \"c\"\nrights = \"observe\"\nexpires = \"2027-01-31T12:00:01Z\"\n\n[[key]]\n"
       "identity = \"b\"\npsk = \"" +
-      kHex + "\"\nrights = \"operate\"\n";
+      kHex + "\"\nrights = \"operate\"\n\n[[public]]\nidentity = \"d\"\nkey = \"sha256:" + kHex +
+      "\"\nrights = \"operate\"\nexpires = \"2027-01-31T12:00:02Z\"\n";
   const KeyList list = parse_key_list(text, "keys.toml");
   const std::int64_t end_s = *parse_utc("2027-01-31T12:00:00Z");
   EXPECT_NE(list.find_key("a"), nullptr);
@@ -133,7 +134,10 @@ TEST_F(KeysTest, WhatHasExpiredIsInTheListAndNotInForce) {
   EXPECT_NE(list.in_force(end_s + 1'000'000'000).find_key("b"), nullptr) << "has no end";
   EXPECT_EQ(list.next_expiry_s(0), end_s);
   EXPECT_EQ(list.next_expiry_s(end_s), end_s + 1);
-  EXPECT_EQ(list.next_expiry_s(end_s + 1), std::nullopt);
+  EXPECT_EQ(list.next_expiry_s(end_s + 1), end_s + 2);
+  EXPECT_EQ(list.next_expiry_s(end_s + 2), std::nullopt);
+  EXPECT_NE(list.in_force(end_s + 1).find_public_key(kHex), nullptr);
+  EXPECT_EQ(list.in_force(end_s + 2).find_public_key(kHex), nullptr);
   const KeyList again = parse_key_list(key_list_text(list), "again");
   EXPECT_EQ(again.find_key("a")->expires_s, end_s);
   EXPECT_EQ(again.find_key("b")->expires_s, std::nullopt);
