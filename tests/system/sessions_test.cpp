@@ -491,6 +491,20 @@ TEST_F(SessionsTest, AHandThatCannotEngageIsGivenUpAfterItsTasksTime) {
   EXPECT_TRUE(says(run.err, "ms, and method model shows forces up to 800 ms; give --method twin")) << run.err;
 }
 
+// The same where the way becomes long while the task goes on: its motion stands still with the tip.
+TEST_F(SessionsTest, AHandThatIsHeldIsGivenUpAfterItsTasksTime) {
+  Server server(scene_path("flat_silicon_oxide"));
+  const Relay relay(server,
+                    {"--trace", write("grows.csv", "time_s,delay_ms,lost\n0,10,0\n2,500,0\n1000,500,0\n")});
+  const Finished run = run_program({kMaster, "run", "--server", relay.address(), "--rt-priority", "0",
+                                    "--task", "indent", "--method", "model", "--duration-s", "3"},
+                                   {}, std::chrono::seconds(30));
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  EXPECT_TRUE(says(run.err, "held ")) << run.err;
+  EXPECT_TRUE(says(run.err, "the hand was not engaged for as long as its task lasts: the round trip is 100"))
+      << run.err;
+}
+
 TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
   const std::string keys = path("keys.toml");
