@@ -123,7 +123,8 @@ std::string read_segment(const Archive& archive, const std::string& folder, cons
     if (height.unit == "m") break;
   }
   if (height.unit != "m")
-    return "has no height in metres that can be read (newer files: export the curve as text)";
+    return "has no height in metres that can be read (newer files: make a table with columns like "
+           "z_nm,deflection_nm)";
   Line bend = chain_to(all, deflection, "distance");
   const Line force = chain_to(all, deflection, "force");
   const bool in_metres = bend.unit == "m";

@@ -183,6 +183,11 @@ def all_cases():
     yield "pairs back.csv", pairs(("Extend height_nm", "Extend deflection_nm", "Retract height_nm", "Retract deflection_nm"), rows_back=True), [], REFUSED
     yield "pairs exchanged.csv", pairs(("Retract height_nm", "Retract deflection_nm", "Extend height_nm", "Extend deflection_nm")), [], REFUSED
     yield "pairs bwd.csv", pairs(("Z (nm)", "Deflection (nm)", "Z [bwd] (nm)", "Deflection [bwd] (nm)"), rows_back=True), [], REFUSED
+    jpk = "".join("# segment: %s\n# springConstant: 1.0\n#\n# columns: height vDeflection\n# units: m N\n%s\n" % (
+        way, "\n".join("%.9e %.9e" % (1e-9 * a, 1e-9 * b) for a, b in zip(z, d))) for way, z, d in (("extend", Z_IN, D_IN), ("retract", Z_OUT, D_OUT)))
+    for flags in ([], ["--z-column", "height", "--deflection-column", "vDeflection"]):
+        yield f"jpk {len(flags)}.txt", jpk, flags, REFUSED
+        yield f"jpk tabs {len(flags)}.txt", jpk.replace("# columns: ", "# ").replace(" ", "\t"), flags, REFUSED
     # Segments.
     for first, second, what in (("0", "1", READ), ("1", "2", READ), ("2", "3", READ), ("approach", "retract", READ), ("Extend", "Retract", READ), ("1", "-1", READ),
                                 ("1", "0", REFUSED), ("retract", "approach", REFUSED), ("trace", "retrace", REFUSED), ("a", "b", REFUSED), ("2", "1", READ)):
