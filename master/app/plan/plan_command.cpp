@@ -280,11 +280,8 @@ void print_felt(const StationFile& file, const Far& far, const control::ScalingP
   config::print(stdout, "scene,{},\n", far.slave.scene_name);
   config::print(stdout, "felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
   if (!far.touch) {
-    config::print(stdout, "felt,unknown,
-felt_unknown_because,{},
-", one_value(far.no_touch));
-    config::print(stderr, "felt: not known, {}
-", far.no_touch);
+    config::print(stdout, "felt,unknown,\nfelt_unknown_because,{},\n", one_value(far.no_touch));
+    config::print(stderr, "felt: not known, {}\n", far.no_touch);
     return;
   }
   config::print(stdout, "felt,{},\n", far.touch->touched ? "touch" : "no_touch");

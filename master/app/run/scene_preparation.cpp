@@ -75,7 +75,7 @@ LinkDelay prepare_scene(SessionParts& parts, const RunOptions& options) {
        [&scene = parts.scene, shown = std::shared_ptr<const surface::HeightGrid>()]() mutable {
          return newest_scene_ground(scene, shown);
        },
-        [&scene = parts.scene] { return shown_scene(scene); }, stop_as_by_signal},
+       [&scene = parts.scene] { return shown_scene(scene); }, stop_as_by_signal},
       [&] { parts.starter.call([&] { get_ready(parts, options); }); });
   return link;
 }
