@@ -11,7 +11,6 @@ import shutil
 import signal
 import socket
 import sys
-import time
 import unittest
 
 from real_programs import RealPrograms
@@ -39,7 +38,7 @@ class LocalUsers(RealPrograms):
     def station(self, server, name, *words, user=0):
         more = {"user": NOBODY, "group": NOBODY, "extra_groups": [], "env": {**os.environ, "HOME": str(self.his), "XDG_STATE_HOME": str(self.his)}}
         return self.start(name, self.his_master if user else MASTER, "run", "--server", server.address, "--duration-s", "600", "--rt-priority", "0",
-                          "--session-file", str((self.his if user else self.folder) / "session.txt"), *words, **(more if user else {}))
+                          *words, **(more if user else {}))
 
     def opened(self):
         lines = map(json.loads, (self.folder / "audit.jsonl").read_text().splitlines())
@@ -55,8 +54,6 @@ class LocalUsers(RealPrograms):
             self.wait_for(lambda: len(self.opened()) == 2, "two sessions")
             self.assertEqual(self.opened(), {("user root", "administer"), (f"user {NOBODY}", "observe")})
             self.kill_all()
-            for path in self.folder.rglob("session.txt"):
-                path.unlink()
 
     def test_who_is_not_named_gets_nothing(self):
         server = self.server("--local-users", "root:operate")
@@ -86,26 +83,6 @@ class LocalUsers(RealPrograms):
         server.signal(signal.SIGTERM)
         server.end()
         self.assertRegex(server.text(), r"--local-users: [1-9]\d* datagrams of others")
-
-    def test_a_session_is_its_users_alone(self):
-        """The other one has copied the file with the secret that resumes it."""
-        server = self.server("--local-users", f"root:operate,{NOBODY}:operate")
-        mine = self.station(server, "root")
-        mine.said("loop: ")
-        copy = self.his / "session.txt"
-        self.wait_for((self.folder / "session.txt").exists)
-        time.sleep(0.2)
-        copy.write_bytes((self.folder / "session.txt").read_bytes())
-        os.chown(copy, NOBODY, NOBODY)
-        copy.chmod(0o600)
-        mine.kill()
-        his = self.station(server, "nobody", user=NOBODY)
-        his.said("loop: ")
-        self.assertNotIn("resuming", his.text())
-        self.wait_for(lambda: len(self.opened()) == 2, "a session of his own")
-        mine = self.station(server, "root again")
-        mine.said("loop: ")
-        self.assertIn("resuming the session of the last run", mine.text())
 
     def test_wrong_words(self):
         for words, said in ((("--local-users", "root"), "expected USER:RIGHT"),

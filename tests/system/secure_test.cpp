@@ -185,41 +185,32 @@ TEST_F(SecureTest, AServerThatEndsAndStartsAgainIsFoundWithoutAStepOfTheForce) {
   }
 }
 
-// kill -9 of the station in contact: with the session's file it goes on with its slave and its account, without
-// it begins a new session beside what is left; both over a new channel, and the force comes in by the ramp.
+// kill -9 of the station in contact: it begins a new session beside what is left, over a new channel, and the force
+// comes in by the ramp.
 TEST_F(SecureTest, AStationThatIsKilledComesBackWithItsKeyWithoutAStepOfTheForce) {
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys()});
-  for (const bool with_file : {true, false}) {
-    const auto command = [&](const std::string& duration_s, const std::string& record) {
-      std::vector<std::string> words = talking(server, {"--duration-s", duration_s, "--record", record});
-      if (with_file) words.insert(words.end(), {"--session-file", path("session")});
-      return words;
-    };
-    ChildProcess killed(command("5", path("killed.h5")));
-    ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
-    std::this_thread::sleep_for(Milliseconds(2500));
-    killed.signal(SIGKILL);
-    ASSERT_TRUE(killed.wait(kLong));
-    const std::string file = path(with_file ? "resumed.h5" : "anew.h5");
-    Finished again = run_program(command("6", file), {}, kLong);
-    const bool resumed = again.err.find("resuming the session of the last run") != std::string::npos;
-    EXPECT_EQ(resumed, with_file) << again.err;
-    // A machine that stops a station on its way down makes it lose the session: it goes on from where its hand then
-    // is, and does not come down to the sample. That is another story, so it comes back once more.
-    for (int more = 0;
-         more < 3 && again.exit_code == 0 && felt_force(file).most_n <= 0.1 && lost_its_session(file);
-         ++more) {
-      std::filesystem::remove(file);
-      again = run_program(command("6", file), {}, kLong);
-    }
-    EXPECT_EQ(again.exit_code, 0) << again.err;
-    expect_no_step(file);
-    std::filesystem::remove(path("killed.h5"));
+  const auto command = [&](const std::string& duration_s, const std::string& record) {
+    return talking(server, {"--duration-s", duration_s, "--record", record});
+  };
+  ChildProcess killed(command("5", path("killed.h5")));
+  ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
+  std::this_thread::sleep_for(Milliseconds(2500));
+  killed.signal(SIGKILL);
+  ASSERT_TRUE(killed.wait(kLong));
+  const std::string file = path("anew.h5");
+  Finished again = run_program(command("6", file), {}, kLong);
+  // A machine that stops a station on its way down makes it lose the session: it goes on from where its hand then
+  // is, and does not come down to the sample. That is another story, so it comes back once more.
+  for (int more = 0;
+       more < 3 && again.exit_code == 0 && felt_force(file).most_n <= 0.1 && lost_its_session(file); ++more) {
+    std::filesystem::remove(file);
+    again = run_program(command("6", file), {}, kLong);
   }
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  expect_no_step(file);
   const std::string said = server.stop();
-  EXPECT_GE(number_behind(said, "exchanges in "), 3) << said;
-  EXPECT_GE(number_behind(said, " sessions ("), 1) << said;  // resumed
-  EXPECT_GE(number_behind(said, "handshakes "), 4) << said;
+  EXPECT_GE(number_behind(said, "exchanges in "), 2) << said;
+  EXPECT_GE(number_behind(said, "handshakes "), 2) << said;
 }
 
 TEST_F(SecureTest, RevokingAKeyEndsItsSession) {

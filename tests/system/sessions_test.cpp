@@ -303,11 +303,6 @@ TEST_F(SessionsTest, WhatDoesNotGoTogetherWithSharingIsToldInOneLine) {
       {kNve, "serve", "--scene", scene_path("flat_pdms"), "--listen", "127.0.0.1:0", "--share", "all"});
   EXPECT_EQ(share.exit_code, 2);
   EXPECT_TRUE(says(share.err, "--share")) << share.err;
-  const std::string file = write("session", "not one of ours\n");
-  const Finished wrong = run_program(station(server, {"--session-file", file}), {}, kLong);
-  EXPECT_EQ(wrong.exit_code, 2);
-  EXPECT_EQ(lines_of(wrong.err).size(), 1u) << wrong.err;
-  EXPECT_TRUE(says(wrong.err, file)) << wrong.err;
 }
 
 TEST_F(SessionsTest, AServerShutDownInContactWithdrawsAndItsStationWaitsForTheNext) {
@@ -503,43 +498,6 @@ TEST_F(SessionsTest, AHandThatIsHeldIsGivenUpAfterItsTasksTime) {
   EXPECT_TRUE(says(run.err, "held ")) << run.err;
   EXPECT_TRUE(says(run.err, "the hand was not engaged for as long as its task lasts: the round trip is 100"))
       << run.err;
-}
-
-TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
-  if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
-  const std::string keys = path("keys.toml");
-  for (const char* name : {"one", "two"}) {
-    ASSERT_EQ(
-        run_program({kNve, "keys", "new", name, "--keys", keys, "--out", path(std::string(name) + ".key")})
-            .exit_code,
-        0);
-  }
-  Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
-  const std::string file = path("session");
-  const auto command = [&](const std::string& key, const std::string& duration_s) {
-    return talking(server, {"--task", "contact", "--velocity-scale", "4e-6", "--duration-s", duration_s,
-                            "--method", "model", "--key", path(key + ".key"), "--session-file", file});
-  };
-  ChildProcess killed(command("one", "30"));
-  ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
-  killed.signal(SIGKILL);
-  ASSERT_TRUE(killed.wait(kLong));
-  struct stat info {};
-  ASSERT_EQ(::stat(file.c_str(), &info), 0);
-  EXPECT_EQ(info.st_mode & 0777, 0600u);
-  const std::string token = file_text(file);
-
-  const Finished stranger = run_program(command("two", "0.5"), {}, kLong);
-  EXPECT_EQ(stranger.exit_code, 0) << stranger.err;
-  EXPECT_TRUE(says(stranger.err, "the session of the last run is gone")) << stranger.err;
-  EXPECT_NE(::stat(file.c_str(), &info), 0) << "ended in order";
-
-  write("session", token);
-  const Finished owner = run_program(command("one", "0.5"), {}, kLong);
-  EXPECT_EQ(owner.exit_code, 0) << owner.err;
-  EXPECT_TRUE(says(owner.err, "resuming the session of the last run")) << owner.err;
-  const std::string said = server.stop();
-  EXPECT_TRUE(says(said, "in 2 sessions (1 resumed)")) << said;
 }
 
 }  // namespace

@@ -412,7 +412,6 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.tip_up = station_.tip_up() && station_.holds_tip();
   p.shutting_down = session_.state() == link::ClientState::kLost && !session_.has_session() &&
                     session_.bye_reason() == link::ByeReason::kShuttingDown;
-  p.resume_token = session_.resume_token();
   progress_.store(p);
 }
 

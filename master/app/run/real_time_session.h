@@ -93,7 +93,6 @@ struct Progress {
   std::uint64_t twin_behind = 0;  ///< steps of it that the server has not confirmed
   bool tip_up = false;            ///< the slave has withdrawn the session's tip
   bool shutting_down = false;     ///< the server has said so, and is not back yet
-  std::uint64_t resume_token = 0;
   std::int64_t ticks = 0;
   std::uint64_t overruns = 0;
   std::uint64_t missed_ticks = 0;

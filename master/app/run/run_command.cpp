@@ -124,11 +124,6 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
                 "With a shared tip: ask for it, and get it as soon as it is free or its holder lets go, or "
                 "at once with the right to administer")
       ->excludes(observe);
-  command
-      .add_option("--session-file", options.session_file,
-                  "Keep the session's token here: if the run is killed and started again within the server's "
-                  "--resume-s, it continues with the same tip and account")
-      ->type_name("FILE");
   command.add_flag("--close-at-end", options.close_at_end,
                    "Close the window when the session ends, for whatever reason (default: at a terminal it "
                    "stays and shows a summary)");

@@ -43,7 +43,6 @@ struct RunOptions : connection::ServerAccess {
   double give_up_s = 10;
   bool observe = false;
   bool take_over = false;
-  std::string session_file;
   bool close_at_end = false;
   bool quiet = false;
   ViewOptions view;

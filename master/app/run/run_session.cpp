@@ -18,7 +18,6 @@
 #include "telenano/master/app/run/run_settings.h"
 #include "telenano/master/app/run/server_scene.h"
 #include "telenano/master/app/run/session_at_scene.h"
-#include "telenano/master/app/run/session_file.h"
 #include "telenano/master/app/run/session_twin.h"
 #include "telenano/master/app/run/sim_hand.h"
 #include "telenano/master/app/stop_signals.h"
@@ -86,11 +85,10 @@ TwinWish twin_wish(const RunOptions& options, const StationFile& file, const Ses
 }
 
 link::ClientConfig make_client_config(const RunOptions& options, const StationFile& file,
-                                      const SessionFile& session_file, const TwinWish& wish) {
+                                      const TwinWish& wish) {
   link::ClientConfig config;
   config.rate_hz = static_cast<std::uint32_t>(file.station.rate_hz);
   config.nonce_seed = connection::random_nonce_seed();
-  config.resume_token = session_file.token();
   config.redundancy = static_cast<std::size_t>(file.redundancy);
   // Only a replay needs to know in which order the slave stepped.
   if (options.record.empty()) config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
@@ -133,16 +131,13 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const net::Address server = net::parse_address(options.server, "--server");
   connection::ServerLink way(options, server);
   set_up_link(way, options, dscp);
-  SessionFile session_file(options.session_file);
   TwinWish wish = twin_wish(options, file, view);
-  link::ClientConfig client_config = make_client_config(options, file, session_file, wish);
-  const bool last_run = client_config.resume_token != 0;
+  link::ClientConfig client_config = make_client_config(options, file, wish);
   std::optional<link::ClientSession> opened_session(client_config);
   std::optional<connection::Farewell> farewell;
   // Until the loop begins, whatever ends this ends the session too.
   farewell.emplace(*opened_session, way.datagram(), server);
   connection::connect(*opened_session, way, server, file.station.rate_hz, options, stop);
-  const bool resumed = opened_session->resumed_unknown_account();
   const std::vector<SceneChoice> scenes =
       to_wanted_scene(options, *opened_session, way, server, scene.pipe(), stop);
   SessionParts parts{.options = options,
@@ -155,10 +150,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      .opened = opened,
                      .way = way,
                      .server = server,
-                     .session_file = session_file,
                      .wants_twin = wish.wanted,
-                     .last_run = last_run,
-                     .resumed = resumed,
                      .step_ring = client_config.step_ring,
                      .client_config = client_config,
                      .session = opened_session,

@@ -86,12 +86,6 @@ void SceneSession::tell_welcome() {
     tell_no_twin(parts_.no_twin, !file_.chooses_method);
   if (parts_.wants_twin && parts_.twins.empty()) file_.station.method = control::Method::kModel;
   welcome_ = session().welcome();
-  if (!options_.quiet && parts_.last_run) {
-    config::print(stderr, "{}\n",
-                  parts_.resumed ? "resuming the session of the last run"
-                                 : "the session of the last run is gone; this is a new one");
-  }
-  parts_.session_file.keep(welcome_.resume_token);
   wish_ = tip_wish(options_, options_.server, (welcome_.feature_bits & link::kFeatureSharing) != 0);
 }
 

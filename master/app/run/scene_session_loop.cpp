@@ -55,7 +55,6 @@ void SceneSession::look(const DeviceMonitor& monitor) {
     end_without_loop(opened().calls);
   }
   const Progress progress = live_->progress();
-  if (progress.resume_token != 0) parts_.session_file.keep(progress.resume_token);
   if (!options_.quiet) print_changes(told_, progress, terminal_);
   told_ = progress;
   const auto now = std::chrono::steady_clock::now();
@@ -119,8 +118,6 @@ void SceneSession::conclude() {
   if (terminal_ && !options_.quiet) config::print(stderr, "\n");
   if (recorder_) recorder_->close();
   if (live_->undo_text() != nullptr) config::print(stdout, "{}\n", live_->undo_text());
-  if (live_->ending() != Ending::kOtherScene)
-    parts_.session_file.remove();  // ended by a Bye, one way or the other
   if (!parts_.scene_before.empty() || live_->ending() == Ending::kOtherScene)
     config::print(stderr, "sample '{}'\n", slave_.scene_name);
   print_summary(live_->summary(), live_->timer_stats(), recorder_.get(), recorded_);

@@ -39,7 +39,6 @@ std::optional<int> run_at_scene(SessionParts& parts) {
 
 void go_on(SessionParts& parts) {
   parts.awake.reset();
-  parts.last_run = parts.resumed = false;
   parts.twins.clear();
   parts.no_twin.clear();
   parts.looks_for_twin = parts.step_ring > 0;

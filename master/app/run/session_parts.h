@@ -13,7 +13,6 @@
 #include "telenano/master/app/run/next_run.h"
 #include "telenano/master/app/run/run_options.h"
 #include "telenano/master/app/run/server_scene.h"
-#include "telenano/master/app/run/session_file.h"
 #include "telenano/master/app/run/session_twin.h"
 #include "telenano/master/app/station_file.h"
 #include "telenano/master/app/view/session_view.h"
@@ -36,10 +35,7 @@ struct SessionParts {
   SessionDevice& opened;
   connection::ServerLink& way;
   const net::Address& server;
-  SessionFile& session_file;
   bool wants_twin;
-  bool last_run;
-  bool resumed = false;
   std::size_t step_ring;  ///< that is asked for where there may be a twin
   link::ClientConfig& client_config;
   std::optional<link::ClientSession>& session;
