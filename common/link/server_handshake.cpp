@@ -63,7 +63,6 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     verdict.cause = cause;
     return verdict;
   };
-  const auto has_place = [&] { return context.take_place == nullptr || context.take_place(context.of); };
 
   const std::int64_t time_slot = now_ns / kCookieSlotNs;
   const bool proven = context.address_proven ||
@@ -99,8 +98,6 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   }
   const std::size_t old = table.find_token(hello.resume_token, context.owner);
   if (old != SessionTable::kNone) {
-    if (table[old].state != SlotState::kActive && !has_place())
-      return refuse(RefuseReason::kFull, DropCause::kFull);
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
     table[old].wanted_bits = hello.feature_bits;
     table[old].feature_bits = granted(hello.feature_bits, config_.feature_bits);
@@ -109,16 +106,9 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     verdict.slot = old;
     return verdict;
   }
-  if (hello.resume_token != 0 && context.others) {
-    // Taken from where it waits, it would find no place here.
-    if (!table.has_place(context.rank)) return refuse(RefuseReason::kFull, DropCause::kFull);
-    verdict.kind = Kind::kAskOthers;
-    return verdict;
-  }
   // What cannot be had costs the others none of the shared rate.
   const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
-  if (!context.has_time || !table.has_room(opener) || !has_place())
-    return refuse(RefuseReason::kFull, DropCause::kFull);
+  if (!context.has_time || !table.has_room(opener)) return refuse(RefuseReason::kFull, DropCause::kFull);
   if (!context.may_open || !take_opening(opener.party, now_ns)) return drop(DropCause::kRateLimited);
   verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, opener);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);

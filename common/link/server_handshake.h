@@ -21,10 +21,9 @@ struct ServerHandshakeConfig {
   double openings_per_party_s = 1e9;  ///< of these, for one key, or in the clear for one IP address
 };
 
-/// What to do with a Hello. kOpen, kResume: the table has the session; kAgain: the same Welcome once more;
-/// kAskOthers: this table does not know the token, another shard's may.
+/// What to do with a Hello. kOpen, kResume: the table has the session; kAgain: the same Welcome once more.
 struct HelloVerdict {
-  enum class Kind : std::uint8_t { kDrop, kChallenge, kRefuse, kOpen, kResume, kAgain, kAskOthers };
+  enum class Kind : std::uint8_t { kDrop, kChallenge, kRefuse, kOpen, kResume, kAgain };
   Kind kind = Kind::kDrop;
   DropCause cause = DropCause::kNone;  ///< of kDrop, and of a kChallenge or kRefuse that counts as a drop
   std::size_t slot = SessionTable::kNone;
@@ -40,11 +39,6 @@ struct HelloContext {
   bool address_proven = false;  ///< by a secure channel: the first Hello is answered by a Welcome
   std::uint64_t owner = 0;      ///< identity of the channel's key; a token resumes only its owner's session
   std::uint8_t rank = 0;        ///< of the right of the channel's key
-  bool others = false;          ///< there are shards that have not been asked for the token
-  /// Asked before one more session becomes active: is there a place for it beyond this table's own? Null:
-  /// yes.
-  bool (*take_place)(void* of) noexcept = nullptr;
-  void* of = nullptr;
 };
 
 /// The server's side of Hello → Challenge → Hello → Welcome. Nothing is kept for a peer before it has shown,

@@ -14,15 +14,10 @@ bool is_held(SlotState state) noexcept {
 }  // namespace
 
 SessionTable::SessionTable(const SessionTableConfig& config, const SipKey& secret) : config_(config) {
-  // Further shards have words of their own, lest two of them give out the same number.
-  config_.shards = std::max<std::uint32_t>(config.shards, 1);
-  config_.shard = config.shard % config_.shards;
-  const std::uint64_t labels[] = {3 + (std::uint64_t{config_.shard} << 32),
-                                  4 + (std::uint64_t{config_.shard} << 32), 5};
+  const std::uint64_t labels[] = {3, 4, 5};
   secret_ = {siphash_words(secret, {labels, 1}), siphash_words(secret, {labels + 1, 1})};
-  // A restarted server starts somewhere else, so that a station notices that the slave is a new one. The
-  // shards take turns.
-  next_epoch_ = static_cast<std::uint32_t>(siphash_words(secret, {labels + 2, 1})) + config_.shard;
+  // A restarted server starts somewhere else, so that a station notices that the slave is a new one.
+  next_epoch_ = static_cast<std::uint32_t>(siphash_words(secret, {labels + 2, 1}));
   config_.capacity = std::clamp<std::size_t>(config.capacity, 1, kCapacityMax);
   sessions_.resize(config_.capacity);
   slot_mask_ = (sessions_.size() > 256 ? kCapacityMax : 256) - 1;
@@ -38,8 +33,6 @@ std::uint64_t SessionTable::secret_number() noexcept {
 
 void SessionTable::set_state(std::size_t slot, SlotState state) noexcept {
   SlotState& now = sessions_[slot].state;
-  if (is_held(now) && !is_held(state) && config_.parties != nullptr)
-    config_.parties->give_back(sessions_[slot].party);
   if (now == SlotState::kActive) --active_;
   if (now != SlotState::kFree) --occupied_;
   now = state;
@@ -130,7 +123,6 @@ std::size_t SessionTable::oldest_silent_of(std::uint64_t party) const noexcept {
 
 bool SessionTable::party_is_full(std::uint64_t party) const noexcept {
   if (config_.per_party == SessionTableConfig::kCapacityAny) return false;
-  if (config_.parties != nullptr) return config_.parties->count(party) >= config_.per_party;
   const auto held = std::count_if(sessions_.begin(), sessions_.end(),
                                   [&](const Session& s) { return is_held(s.state) && s.party == party; });
   return static_cast<std::size_t>(held) >= config_.per_party;
@@ -146,14 +138,6 @@ std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::ui
   const bool one_for_one = party_is_full(opener.party);
   const std::size_t best = one_for_one ? oldest_silent_of(opener.party) : place(opener.rank);
   if (best == kNone) return kNone;
-  if (config_.parties != nullptr) {
-    // Another shard may have taken the party's last place since.
-    if (one_for_one) {
-      config_.parties->add(opener.party);
-    } else if (!config_.parties->take(opener.party, config_.per_party)) {
-      return kNone;
-    }
-  }
   release(best);
   Session& session = sessions_[best];
   session.owner = opener.owner;
@@ -165,24 +149,14 @@ std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::ui
   return best;
 }
 
-std::size_t SessionTable::adopt(const Session& session) noexcept {
-  const std::size_t best = place(session.rank);
-  if (best == kNone) return kNone;
-  if (is_held(session.state) && config_.parties != nullptr) config_.parties->add(session.party);
-  replace(best, session);
-  return best;
-}
-
 void SessionTable::resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
                           std::int64_t now_ns) noexcept {
   start(slot, peer, nonce, rate_hz, now_ns);
 }
 
 std::uint32_t SessionTable::new_epoch() noexcept {
-  if (next_epoch_ == 0) next_epoch_ += config_.shards;  // 0 is "none"
-  const std::uint32_t epoch = next_epoch_;
-  next_epoch_ += config_.shards;
-  return epoch;
+  if (next_epoch_ == 0) ++next_epoch_;  // 0 is "none"
+  return next_epoch_++;
 }
 
 void SessionTable::begin_anew(std::size_t slot, std::uint64_t nonce, std::int64_t now_ns) noexcept {

@@ -8,7 +8,6 @@
 #include "telenano/common/link/drop_cause.h"
 #include "telenano/common/link/link_quality.h"
 #include "telenano/common/link/messages.h"
-#include "telenano/common/link/party_counts.h"
 #include "telenano/common/link/received_energy.h"
 #include "telenano/common/link/sequence_window.h"
 #include "telenano/common/link/siphash.h"
@@ -35,7 +34,7 @@ enum class SlotState : std::uint8_t { kFree, kActive, kSilent, kEnding };
 /// Who opens a session.
 struct Opener {
   std::uint64_t owner = 0;  ///< identity of its key; 0 in the clear
-  std::uint64_t party = 0;  ///< whom the session counts for (PartyCounts)
+  std::uint64_t party = 0;  ///< whom the session counts for
   std::uint8_t rank = 0;    ///< of its right: a lesser one never takes a greater one's place
 };
 
@@ -78,13 +77,8 @@ struct SessionTableConfig {
   std::int64_t resume_ns = 30'000'000'000;  ///< how long a silent one can be resumed
   std::int64_t ending_ns =
       2'000'000'000;  ///< how long an ended one keeps its slot, so that its slave can retract
-  /// One of several tables that serve the same address with the same secret: their numbers and epochs differ.
-  std::uint32_t shard = 0;
-  std::uint32_t shards = 1;
   /// Sessions that one party may have, silent ones included: one key must not take the place of all others.
   std::size_t per_party = kCapacityAny;
-  /// Of all shards together; null: there is one.
-  PartyCounts* parties = nullptr;
   static constexpr std::size_t kCapacityAny = SIZE_MAX;
 };
 
@@ -126,12 +120,7 @@ class SessionTable {
   void begin_anew(std::size_t slot, std::uint64_t nonce, std::int64_t now_ns) noexcept;
   void end(std::size_t slot,
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
-  /// Would adopt() find one for a session of this rank?
-  bool has_place(std::uint8_t rank) const noexcept { return place(rank) != kNone; }
   void release(std::size_t slot) noexcept { replace(slot, {}); }
-  /// Takes in a session of another shard, as it is there, so that it can be resumed here; it then gets an id
-  /// of this table. In place of what open() would give up for it; kNone: there is none.
-  std::size_t adopt(const Session& session) noexcept;
 
   /// Is this command of a known session, from its address and owner, of its epoch, without fields of features
   /// that were not agreed (`repeats_others`: it brings older ones along), and newer than all before, but no

@@ -1,6 +1,5 @@
 #include "telenano/common/net/udp.h"
 
-#include <linux/filter.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <time.h>
@@ -144,11 +143,6 @@ struct Udp::Impl {
     set_buffer(socket.native_handle(), SO_SNDBUF, SO_SNDBUFFORCE);
     if (endpoint.address().is_v6()) socket.set_option(asio::ip::v6_only(false), ignored);
     const int yes = 1;
-    if (options.share_port &&
-        ::setsockopt(socket.native_handle(), SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) != 0) {
-      throw UserError("this kernel cannot share UDP port " + std::to_string(at.port) +
-                      " between sockets (SO_REUSEPORT): " + std::strerror(errno) + "; use one worker");
-    }
     if (options.busy_poll_ns > 0) {
       const int us = static_cast<int>(std::clamp<std::int64_t>(options.busy_poll_ns / 1000, 1, 1'000'000));
       if (::setsockopt(socket.native_handle(), SOL_SOCKET, SO_BUSY_POLL, &us, sizeof us) == 0) {
@@ -327,20 +321,6 @@ bool Udp::set_dscp(int dscp) noexcept {
   // A socket of IPv6 carries IPv4 too: one option for each, and an IPv4 socket has only the first.
   const bool v6 = ::setsockopt(impl_->handle, IPPROTO_IPV6, IPV6_TCLASS, &octet, sizeof octet) == 0;
   return v4 || v6;
-}
-
-bool Udp::steer(std::uint8_t mark) noexcept {
-  // The kernel shows the program the datagram without its UDP header. A number that there is no socket of means
-  // that the kernel chooses, by the peer's address.
-  std::array<sock_filter, 5> steps = {{
-      BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 0),
-      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, mark, 0, 2),
-      BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 1),
-      BPF_STMT(BPF_RET | BPF_A, 0),
-      BPF_STMT(BPF_RET | BPF_K, UINT32_MAX),
-  }};
-  const sock_fprog program{static_cast<unsigned short>(steps.size()), steps.data()};
-  return ::setsockopt(impl_->handle, SOL_SOCKET, SO_ATTACH_REUSEPORT_CBPF, &program, sizeof program) == 0;
 }
 
 Address Udp::local() const noexcept {

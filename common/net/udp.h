@@ -20,9 +20,6 @@ int parse_dscp(const std::string& text, const std::string& what);
 bool is_loopback(const Address& address) noexcept;
 
 struct UdpOptions {
-  /// Several sockets, of this process's user, may be bound to the port if all ask for it: the kernel then
-  /// gives each peer (address and port) to one of them, always the same as long as none comes or goes.
-  bool share_port = false;
   /// So long a wait may look at the network card itself before it sleeps (SO_BUSY_POLL); 0: not at all. Has
   /// no effect on loopback; a kernel that does not grant it is no error (Udp::busy_poll_ns tells).
   std::int64_t busy_poll_ns = 0;
@@ -65,10 +62,6 @@ class Udp final : public Datagram {
   /// Marks what is sent from now on with a differentiated services code point, 0 … 63 (RFC 2474), so that
   /// routers that look at it can put it first. False where the system does not let us.
   bool set_dscp(int dscp) noexcept;
-  /// Of several sockets that share a port: from now on each datagram that begins with `mark` goes to the one of
-  /// the number in its second byte, by the order in which they were bound; every other one as before, and those
-  /// of a number that there is not. For all of them, told to one. False where this kernel cannot.
-  bool steer(std::uint8_t mark) noexcept;
   Address local() const noexcept;
   std::int64_t busy_poll_ns() const noexcept;  ///< granted
   /// What the kernel has granted of kBufferBytes: less than that (net.core.rmem_max) and a stall of the loop

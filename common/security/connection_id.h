@@ -18,7 +18,7 @@ inline constexpr std::uint8_t kConnectionMark = 0x43;
 /// ServerHello.
 inline constexpr unsigned kConnectionExtension = 0xff54;
 
-/// Seven bytes on the wire after the mark: whose of several workers, which of its associations, and a random
+/// Seven bytes on the wire after the mark: a byte that is 0, which association, and a random
 /// number, so that the name of an association that is gone is not the next one's.
 struct ConnectionId {
   static constexpr std::size_t kBytes = 7;

@@ -6,9 +6,8 @@
 
 namespace telenano::security {
 
-Associations::Associations(std::size_t capacity, std::uint8_t worker, const link::SipKey& key)
-    : worker_(worker),
-      key_(key),
+Associations::Associations(std::size_t capacity, const link::SipKey& key)
+    : key_(key),
       tags_(capacity),
       buckets_(std::bit_ceil(2 * capacity), kNone),
       next_of_bucket_(capacity, kNone),
@@ -40,7 +39,7 @@ std::size_t Associations::find(const net::Address& address, State state) const n
 }
 
 std::size_t Associations::find(const ConnectionId& id) const noexcept {
-  if (id.worker != worker_ || id.slot >= places_.size()) return kNone;
+  if (id.worker != 0 || id.slot >= places_.size()) return kNone;
   const Association& there = places_[id.slot];
   return there.state == State::kEstablished && there.channel->connection_id() == id ? id.slot : kNone;
 }

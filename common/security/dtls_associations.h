@@ -39,9 +39,8 @@ class Associations {
   using State = Association::State;
   static constexpr std::size_t kNone = SIZE_MAX;
 
-  /// `worker`: that of its connection ids. `key`: addresses are hashed under it, so that nobody can choose those
-  /// that meet.
-  Associations(std::size_t capacity, std::uint8_t worker, const link::SipKey& key);
+  /// `key`: addresses are hashed under it, so that nobody can choose those that meet.
+  Associations(std::size_t capacity, const link::SipKey& key);
 
   std::size_t size() const noexcept { return places_.size(); }
   Association& operator[](std::size_t place) noexcept { return places_[place]; }
@@ -71,7 +70,6 @@ class Associations {
   std::size_t& first_of(std::uint64_t tag) noexcept { return buckets_[tag & (buckets_.size() - 1)]; }
   std::size_t first_of(std::uint64_t tag) const noexcept { return buckets_[tag & (buckets_.size() - 1)]; }
 
-  std::uint8_t worker_;
   link::SipKey key_;
   // Those whose tags have the same low bits are a chain through next_of_bucket_. Tag 0: in no chain.
   std::vector<std::uint64_t> tags_;

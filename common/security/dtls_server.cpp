@@ -57,7 +57,7 @@ struct DtlsServer::Impl {
         wire(w),
         clock(time),
         work(work_time != nullptr ? *work_time : thread_time),
-        peers(c.capacity, c.worker, hash_key),
+        peers(c.capacity, hash_key),
         addresses(kAddressBuckets, {c.handshakes_per_address_s, c.handshakes_per_address_burst}),
         strangers(c.cookies_per_s, std::max(1.0, c.cookies_per_s / 10)),
         budget(c.handshake_share, c.handshake_burst_ns) {
@@ -221,7 +221,7 @@ struct DtlsServer::Impl {
 
   /// What the station will show, if it asks.
   void name(std::size_t place) noexcept {
-    ConnectionId id{config.worker, static_cast<std::uint16_t>(place), 0};
+    ConnectionId id{0, static_cast<std::uint16_t>(place), 0};
     if (RAND_bytes(reinterpret_cast<unsigned char*>(&id.random), sizeof id.random) == 1)
       peers[place].channel->give_connection_id(id);
   }

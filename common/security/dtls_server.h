@@ -21,9 +21,6 @@ struct DtlsServerConfig {
   std::string
       identity;  ///< file of the server's own key pair (identity_file.h); used without certificates; "": none
   std::size_t capacity = 128;  ///< associations at once, those under way included; 1 … 16384
-  /// Of several that serve one port: which, by the order in which their sockets were bound. Where the kernel
-  /// cannot be told by it whom a datagram is for (net::Udp::steer), `connection_ids` must be false.
-  std::uint8_t worker = 0;
   bool connection_ids = true;  ///< know a station that comes to another address by the id that it was given
   std::int64_t handshake_timeout_ns = 5'000'000'000;
   /// An association that nobody uses is forgotten. Longer than a session can be resumed, so that a station

@@ -38,15 +38,6 @@ void require_apart(const std::vector<ServedScene>& scenes) {
   }
 }
 
-link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
-  link::SessionTableConfig table = config.table;
-  if (config.mail != nullptr) {
-    table.shard = static_cast<std::uint32_t>(config.worker);
-    table.shards = static_cast<std::uint32_t>(config.mail->workers());
-  }
-  return table;
-}
-
 /// Sharing is offered where there is something to share, and asked for there; a particle and a well where
 /// there is one.
 std::uint64_t features_of(const ServerConfig& config, const slave::SlaveLimits& limits, bool knows_state,
@@ -117,14 +108,13 @@ Server::Server(const ServerConfig& config, ServedScene scene) : Server(config, o
 Server::Server(const ServerConfig& config, std::vector<ServedScene> scenes)
     : config_(config),
       scenes_(offered(config, std::move(scenes))),
-      table_(table_of(config), config.secret),
+      table_(config.table, config.secret),
       handshake_(handshake_config(config, scenes_[0].feature_bits, scenes_[0].limits.rate_max_hz)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       records_(table_.capacity()),
       parties_(config.work.enforced ? table_.capacity() + 1 : 0),
       is_behind_(table_.capacity(), 0),
       holder_(table_.capacity()),
-      search_(config.mail, config.worker),
       load_(config.load_most),
       openings_(config.openings_share, kOpeningBurstNs),
       party_openings_(kPartyOpenings, {config.openings_share *
@@ -133,7 +123,6 @@ Server::Server(const ServerConfig& config, std::vector<ServedScene> scenes)
       scene_chunks_(config.scene_chunks_all_per_s, kPiecesBurst) {
   behind_.reserve(table_.capacity());
   if (shared()) {
-    if (search_.has_others()) throw UserError("--share one-tip works with one worker: leave --workers at 1");
     make_tip(0, 0, 0);
     return;
   }

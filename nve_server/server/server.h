@@ -24,12 +24,9 @@
 #include "telenano/nve_server/server/server_config.h"
 #include "telenano/nve_server/server/server_counters.h"
 #include "telenano/nve_server/server/service_times.h"
-#include "telenano/nve_server/server/session_cap.h"
 #include "telenano/nve_server/server/session_port.h"
 #include "telenano/nve_server/server/tip_holder.h"
-#include "telenano/nve_server/server/token_search.h"
 #include "telenano/nve_server/server/work_budget.h"
-#include "telenano/nve_server/server/worker_mail.h"
 #include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
@@ -42,7 +39,7 @@ namespace telenano::server {
 /// datagram that is not used is counted under one cause.
 class Server {
  public:
-  /// Throws UserError for a scene that cannot be shared so (a shared tip has one worker), RunError if it
+  /// Throws UserError for a scene that cannot be shared so, RunError if it
   /// makes no slave.
   Server(const ServerConfig& config, ServedScene scene);
   /// Several, at least one, all with hashes of their own: a session begins in the first, and its station may have
@@ -87,13 +84,6 @@ class Server {
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
 
-  /// With other workers: hands over sessions that they ask for, takes in those that come. Call it with every
-  /// look at the socket, and then next_answer() until it returns 0, sending each answer to `to`: those to
-  /// Hellos whose session was with another worker.
-  void exchange_mail() noexcept;
-  std::size_t next_answer(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
-  /// Does a Hello wait for another worker's answer? Look again soon.
-  bool awaits_mail() const noexcept { return search_.waits(); }
   /// A slave may move without commands: poll() is to be called each tick.
   bool retracts() const noexcept { return table_.occupied() > table_.active() || withdrawing_; }
 
@@ -116,23 +106,18 @@ class Server {
   void charge_opening(OpeningBudget& party, std::int64_t begin_ns) noexcept;
   OpeningBudget& party_opening(const net::Address& from, const net::Standing& standing) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                       std::span<std::uint8_t> out, const net::Standing& standing,
-                       bool others = true) noexcept;
+                       std::span<std::uint8_t> out, const net::Standing& standing) noexcept;
   link::HelloVerdict judge(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                           const net::Standing& standing, bool others) noexcept;
+                           const net::Standing& standing) noexcept;
   void open(std::size_t slot) noexcept;
   void resume(std::size_t slot) noexcept;
-  void settle_cap() noexcept;
   AuditEvent audit_event(AuditEvent::Kind kind, std::size_t slot, std::int64_t now_ns) const noexcept;
   void audit(AuditEvent::Kind kind, std::size_t slot, std::int64_t now_ns, std::uint32_t reason = 0) noexcept;
   void audit_refusal(link::RefuseReason reason, const net::Address& from, const net::Standing& standing,
                      std::int64_t now_ns) noexcept;
   void audit_faults(std::size_t slot, std::uint32_t faults, std::int64_t now_ns) noexcept;
   void audit_holder(std::size_t before, std::int64_t now_ns) noexcept;
-  void hand_over(std::size_t slot, const HandoffMessage& question) noexcept;
-  bool adopt(SessionState& state) noexcept;
   std::uint64_t party_of(const net::Address& from, std::uint64_t owner) const noexcept;
-  std::size_t free_places() const noexcept { return table_.capacity() - table_.occupied(); }
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   std::size_t on_scene_request(const link::SceneRequest& request, const net::Address& from,
@@ -218,8 +203,6 @@ class Server {
   std::size_t active_parties_ = 0;   ///< that have commanded within a second
   TipHolder holder_;
   bool withdrawing_ = false;  ///< the shared tip
-  TokenSearch search_;
-  std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   LoadEstimate load_;
   OpeningBudget openings_;
   std::vector<OpeningBudget> party_openings_;  ///< of the party whose number falls there

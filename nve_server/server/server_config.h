@@ -7,9 +7,7 @@
 #include "telenano/common/link/session_table.h"
 #include "telenano/common/link/siphash.h"
 #include "telenano/nve_server/server/audit.h"
-#include "telenano/nve_server/server/session_cap.h"
 #include "telenano/nve_server/server/work_budget.h"
-#include "telenano/nve_server/server/worker_mail.h"
 
 namespace telenano::server {
 
@@ -49,12 +47,7 @@ struct ServerConfig {
   double load_most = 0;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
-  /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
-  /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
-  WorkerMail* mail = nullptr;
-  std::size_t worker = 0;
-  AuditQueue* audit = nullptr;  ///< this worker's own, outlives the server; null: nobody asks
-  SessionCap* cap = nullptr;    ///< of all workers' active sessions; table.capacity holds for each besides
+  AuditQueue* audit = nullptr;  ///< outlives the server; null: nobody asks
 };
 
 }  // namespace telenano::server

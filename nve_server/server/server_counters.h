@@ -15,8 +15,6 @@ struct ServerCounters {
   std::uint64_t holdings = 0;      ///< how often a shared tip went to somebody
   std::uint64_t recovered = 0;     ///< lost commands that a later datagram repeated
   std::uint64_t scene_chunks = 0;  ///< pieces of the scene sent
-  std::uint64_t moved_in = 0;      ///< handed over by another worker
-  std::uint64_t moved_out = 0;     ///< to another worker
   std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
   std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
   std::uint64_t undone = 0;        ///< strokes of marks taken back
@@ -31,8 +29,6 @@ struct ServerCounters {
     resumed += more.resumed;
     timed_out += more.timed_out;
     ended += more.ended;
-    moved_in += more.moved_in;
-    moved_out += more.moved_out;
     holdings += more.holdings;
     recovered += more.recovered;
     scene_chunks += more.scene_chunks;

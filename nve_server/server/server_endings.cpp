@@ -34,7 +34,6 @@ void Server::end(std::size_t slot, link::ByeReason reason, std::int64_t now_ns) 
   audit(AuditEvent::Kind::kEnded, slot, now_ns, static_cast<std::uint32_t>(reason));
   records_[slot].open = false;
   table_.end(slot, now_ns);
-  settle_cap();
 }
 
 void Server::leave_tip(std::size_t slot, std::int64_t now_ns) noexcept {

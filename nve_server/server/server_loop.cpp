@@ -34,7 +34,6 @@ void publish(const Server& server, std::int64_t now_ns, LoopStatus& status) noex
   status.drops.store(server.drops().total(), kRelaxed);
   status.opened.store(server.counters().opened, kRelaxed);
   status.timed_out.store(server.counters().timed_out, kRelaxed);
-  status.moved_in.store(server.counters().moved_in, kRelaxed);
   status.holdings.store(server.counters().holdings, kRelaxed);
 }
 
@@ -47,7 +46,6 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   DrainOrder order;
   for (Waiting& waiting : in) waiting.received.standing.rights = options.local_rights;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
-  net::Address to;
   ServerSnapshot snapshot;
   std::int64_t next_snapshot_ns = clock.now_ns();
   std::int64_t next_poll_ns = clock.now_ns();
@@ -82,9 +80,6 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       const std::uint64_t exchanges = server.counters().exchanges - answered;
       if (exchanges == waiting) server.note_load(thread_time.now_ns() - begun_ns, exchanges);
     }
-    server.exchange_mail();
-    while (const std::size_t n = server.next_answer(clock.now_ns(), out, to))
-      socket.send({out.data(), n}, to);
     socket.flush();
     const std::int64_t now_ns = clock.now_ns();
     const bool more_steps = server.catch_up(now_ns);
@@ -96,7 +91,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
         status.snapshot.store(snapshot);
         next_snapshot_ns = now_ns + options.snapshot_period_ns;
       }
-      const bool busy = server.sessions().occupied() > 0 || server.awaits_mail();
+      const bool busy = server.sessions().occupied() > 0;
       next_poll_ns = now_ns + (server.retracts() ? options.poll_period_ns
                                : busy            ? options.timeouts_period_ns
                                                  : options.idle_period_ns);
@@ -105,7 +100,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     const std::int64_t sleep_ns = next_poll_ns - now_ns;
     // Also where the next look at the time-outs is farther away, as just after the first Hello: what is short
     // can be waited for by receiving.
-    const bool soon = server.awaits_mail() || server.sessions().occupied() > 0;
+    const bool soon = server.sessions().occupied() > 0;
     wait(soon ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
   shut_down(server, socket, clock, wait, options.shutdown);

@@ -25,7 +25,6 @@ struct LoopStatus {
   std::atomic<std::uint64_t> drops{0};
   std::atomic<std::uint64_t> opened{0};
   std::atomic<std::uint64_t> timed_out{0};
-  std::atomic<std::uint64_t> moved_in{0};  ///< from another worker
   std::atomic<std::uint64_t> holdings{0};
   rt::LatestValue<ServerSnapshot> snapshot;  ///< everything at one instant, every snapshot_period_ns
 };

@@ -13,17 +13,11 @@ namespace {
 /// What took longer was rather the machine that had put the loop aside: nobody is to pay for seconds of that.
 constexpr std::int64_t kOpeningMostNs = 100'000'000;
 
-/// The n-th session that this worker opens; no other worker's has the same number.
-std::uint64_t opening_number(std::uint64_t n, const ServerConfig& config) noexcept {
-  if (config.mail == nullptr) return n;
-  return (n - 1) * config.mail->workers() + config.worker + 1;
-}
-
 }  // namespace
 
 /// What the handshake's rules say to it. For a new session the slave is made.
 link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                                 const net::Standing& standing, bool others) noexcept {
+                                 const net::Standing& standing) noexcept {
   using Kind = link::HelloVerdict::Kind;
   link::HelloContext context;
   context.shutting_down = shutting_down_;
@@ -33,21 +27,7 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
   context.address_proven = standing.address_proven;
   context.owner = standing.identity;
   context.rank = static_cast<std::uint8_t>(standing.rights);
-  context.others = others && search_.has_others();
-  if (config_.cap != nullptr) {
-    context.of = this;
-    context.take_place = [](void* of) noexcept {
-      auto& self = *static_cast<Server*>(of);
-      const bool taken = self.config_.cap->take();
-      self.cap_held_ += taken ? 1 : 0;
-      return taken;
-    };
-  }
   link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
-  if (verdict.kind == Kind::kAskOthers) {
-    verdict.kind = Kind::kDrop;
-    verdict.cause = search_.ask(hello, from, standing, free_places(), now_ns);
-  }
   if (verdict.kind == Kind::kOpen) {
     const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;
     forget(verdict.slot, now_ns);  // a silent session may have given up its slot
@@ -65,7 +45,7 @@ link::HelloVerdict Server::judge(const link::Hello& hello, const net::Address& f
 
 void Server::open(std::size_t slot) noexcept {
   holder_.begin_session(slot);
-  records_[slot].opening = opening_number(++counters_.opened, config_);
+  records_[slot].opening = ++counters_.opened;
   begin_log(slot);
 }
 
@@ -84,15 +64,12 @@ void Server::resume(std::size_t slot) noexcept {
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                             std::span<std::uint8_t> out, const net::Standing& standing,
-                             bool others) noexcept {
+                             std::span<std::uint8_t> out, const net::Standing& standing) noexcept {
   using Kind = link::HelloVerdict::Kind;
-  const link::HelloVerdict verdict = judge(hello, from, now_ns, standing, others);
-  settle_cap();
+  const link::HelloVerdict verdict = judge(hello, from, now_ns, standing);
   if (verdict.cause != DropCause::kNone) drops_.add(verdict.cause);
   switch (verdict.kind) {
     case Kind::kDrop:
-    case Kind::kAskOthers:
       return 0;
     case Kind::kChallenge:
       return codec_.encode(verdict.challenge, out);

@@ -25,8 +25,6 @@ void Server::poll(std::int64_t now_ns) noexcept {
     }
     if (state == link::SlotState::kFree) forget(slot, now_ns);
   });
-  settle_cap();
-  search_.forget_old(now_ns);
   active_parties_ =
       static_cast<std::size_t>(std::count_if(parties_.begin(), parties_.end(), [&](const PartyWork& p) {
         return p.used_ns >= now_ns - kPartyActiveNs;

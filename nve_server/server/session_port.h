@@ -30,7 +30,7 @@ struct Tip {
 
 /// What a session has besides its tip.
 struct SessionRecord {
-  /// Counts the sessions opened, of all workers together; one that is resumed keeps its number.
+  /// Counts the sessions opened; one that is resumed keeps its number.
   std::uint64_t opening = 0;
 
   std::size_t scene = 0;  ///< which of the server's scenes its tip is in
@@ -59,13 +59,6 @@ struct SessionRecord {
   link::TokenBucket commands{0, 0};         ///< ServerConfig::rate_slack
   link::TokenBucket snapshot_pieces{0, 0};  ///< ServerConfig::snapshot_pieces_per_s
   link::TokenBucket scene_chunks{0, 0};     ///< how fast this session may fetch the scene
-};
-
-/// A whole session, with a tip of its own, on its way from one worker to another.
-struct SessionState {
-  link::Session session;
-  Tip tip;
-  SessionRecord record;
 };
 
 }  // namespace telenano::server

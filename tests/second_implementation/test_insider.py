@@ -190,41 +190,39 @@ class Insider(test_attack.Keyed):
 
     def test_a_session_is_handed_over_to_itself(self):
         """Its token shown again and again, from two channels of one key: one session, one account, and none of anybody else's."""
-        for more in ((), ("--workers", "2")):
-            with self.subTest(more=more):
-                self.serve("--timeout-ms", "5000", *more)
-                first, second = self.client("omega-1", features=PRIVATE), self.client("omega-1", features=PRIVATE)
-                start = vector(first.connect(), "start_pos_w_{}_nm")
-                first.run(indent(start, 5, 0.5), 0.5)
-                token, epoch = first.station.token, first.station.welcome.epoch
-                welcomes, nonce = [], iter(range(10, 10 ** 9))
+        self.serve("--timeout-ms", "5000")
+        first, second = self.client("omega-1", features=PRIVATE), self.client("omega-1", features=PRIVATE)
+        start = vector(first.connect(), "start_pos_w_{}_nm")
+        first.run(indent(start, 5, 0.5), 0.5)
+        token, epoch = first.station.token, first.station.welcome.epoch
+        welcomes, nonce = [], iter(range(10, 10 ** 9))
 
-                def burst(_k):
-                    for client in (first, second):
-                        client.send(hello(next(nonce), resume_token=token))
-                    yield hello(next(nonce), resume_token=token)
+        def burst(_k):
+            for client in (first, second):
+                client.send(hello(next(nonce), resume_token=token))
+            yield hello(next(nonce), resume_token=token)
 
-                def hear(message):
-                    if isinstance(message, pb.Welcome):
-                        welcomes.append(message)
+        def hear(message):
+            if isinstance(message, pb.Welcome):
+                welcomes.append(message)
 
-                sent, took, cpu = self.attack(first, burst, hear)
-                # The second one's are heard now.
-                try:
-                    second.sock.settimeout(0.2)
-                    while True:
-                        hear(decode(second.sock.recv(2048)))
-                except TimeoutError:
-                    pass
-                print(f"itself {more}: {3 * sent} openings in {took:.1f} s, {len(welcomes)} welcomes, {cpu:.2f} s", flush=True)
-                self.assertGreater(len(welcomes), 0)
-                own = [w for w in welcomes if w.resume_token == token]
-                self.assertTrue(own)
-                self.assertEqual({w.epoch for w in own}, {epoch})
-                self.assertLess(cpu, SHARE * took)
-                others = {w.resume_token for w in welcomes} - {token}
-                self.assertLessEqual(len(others), 16, "its share of sessions")
-                self.assertEqual(self.child.stop(), 0, self.child.said())
+        sent, took, cpu = self.attack(first, burst, hear)
+        # The second one's are heard now.
+        try:
+            second.sock.settimeout(0.2)
+            while True:
+                hear(decode(second.sock.recv(2048)))
+        except TimeoutError:
+            pass
+        print(f"itself: {3 * sent} openings in {took:.1f} s, {len(welcomes)} welcomes, {cpu:.2f} s", flush=True)
+        self.assertGreater(len(welcomes), 0)
+        own = [w for w in welcomes if w.resume_token == token]
+        self.assertTrue(own)
+        self.assertEqual({w.epoch for w in own}, {epoch})
+        self.assertLess(cpu, SHARE * took)
+        others = {w.resume_token for w in welcomes} - {token}
+        self.assertLessEqual(len(others), 16, "its share of sessions")
+        self.assertEqual(self.child.stop(), 0, self.child.said())
 
     def test_a_shared_tip_goes_to_and_fro_between_two_sessions_of_one_key(self):
         """Take over and hand over in every command of both: the tip stays one, and a third may look on."""

@@ -1,5 +1,4 @@
-// The server with several workers, as a real program: whoever comes back from another port keeps its session,
-// whichever worker the kernel gives it to.
+// The server's loop, as a real program: whoever comes back from another port keeps its session.
 #include <thread>
 #include <tuple>
 #include <utility>
@@ -32,8 +31,7 @@ class WorkersTest : public ProgramsTest {
     secure.key = security::load_station_key(path("omega-1.key"));
     return secure;
   }
-  /// Sixteen stations, each of which comes back from another port. By chance none of them would meet another
-  /// worker once in 2^16.
+  /// Sixteen stations, each of which comes back from another port.
   static void come_and_come_back(Server& server, const std::optional<security::DtlsClientConfig>& secure) {
     const net::Address at = net::parse_address(server.address(), "test");
     std::vector<std::unique_ptr<WireStation>> stations;
@@ -57,31 +55,30 @@ class WorkersTest : public ProgramsTest {
       s->wire().send({s->buffer.data(), s->client.make_bye(link::ByeReason::kDone, s->buffer)}, at);
     stations.clear();
     const std::string said = server.stop();
-    EXPECT_NE(said.find("in 16 sessions (16 resumed, "), std::string::npos) << said;
-    EXPECT_NE(said.find(" by another worker)"), std::string::npos) << said;
+    EXPECT_NE(said.find("in 16 sessions (16 resumed)"), std::string::npos) << said;
   }
 };
 
-TEST_F(WorkersTest, SessionsThatComeBackFromAnotherPortMoveToTheWorkerThatHearsThem) {
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2"});
+TEST_F(WorkersTest, SessionsThatComeBackFromAnotherPortAreResumed) {
+  Server server(scene_path("flat_silicon_oxide"));
   come_and_come_back(server, {});
 }
 
 TEST_F(WorkersTest, TheSameWithSecureChannels) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
   const security::DtlsClientConfig secure = make_key();
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--keys", path("keys.toml")});
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--keys", path("keys.toml")});
   come_and_come_back(server, secure);
 }
 
-// A station without a connection id that goes on from another port: its channel is resumed by whichever worker hears it, which takes
+// A station without a connection id that goes on from another port: its channel is resumed, which takes
 // one round trip less than agreeing anew. Each from an address of its own, as only so many may begin a
 // handshake from one.
-TEST_F(WorkersTest, WhoGoesOnFromAnotherPortResumesItsChannelWithAnyWorker) {
+TEST_F(WorkersTest, WhoGoesOnFromAnotherPortResumesItsChannel) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
   security::DtlsClientConfig secure = make_key();
   secure.connection_id = false;  // as stations of before
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--keys", path("keys.toml")});
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--keys", path("keys.toml")});
   const net::Address at = net::parse_address(server.address(), "test");
   constexpr std::size_t kStations = 16;
   const auto own_address = [](std::size_t k) {
@@ -115,17 +112,13 @@ TEST_F(WorkersTest, WhoGoesOnFromAnotherPortResumesItsChannelWithAnyWorker) {
     EXPECT_GE(counters.resumed, 1u) << k;
     EXPECT_EQ(counters.resumed, counters.handshakes - 1) << k;
   }
-  stations.clear();
-  const std::string said = server.stop();
-  EXPECT_NE(said.find(" by another worker)"), std::string::npos) << said;
 }
 
-// With one it goes on with the same worker, whichever the kernel would choose for the new port: no handshake,
-// no Hello, not one answer lost. Sixteen stations, each three times.
+// With one it goes on: no handshake, no Hello, not one answer lost. Sixteen stations, each three times.
 TEST_F(WorkersTest, WhoGoesOnFromAnotherPortIsAnsweredAtOnce) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
   const security::DtlsClientConfig secure = make_key();
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--keys", path("keys.toml")});
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--keys", path("keys.toml")});
   const net::Address at = net::parse_address(server.address(), "test");
   for (std::size_t k = 0; k < 16; ++k) {
     const net::Address own = net::parse_address("127.0.1." + std::to_string(1 + k) + ":0", "test");
@@ -149,8 +142,8 @@ TEST_F(WorkersTest, WhoGoesOnFromAnotherPortIsAnsweredAtOnce) {
   EXPECT_NE(said.find("moved 48"), std::string::npos) << said;
 }
 
-TEST_F(WorkersTest, TheCapIsThatOfAllWorkersTogether) {
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "3", "--max-sessions", "4"});
+TEST_F(WorkersTest, BeyondTheCapIsFull) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--max-sessions", "4"});
   const net::Address at = net::parse_address(server.address(), "test");
   std::vector<std::unique_ptr<WireStation>> stations;
   for (std::uint64_t k = 0; k < 4; ++k) {
@@ -171,29 +164,28 @@ TEST_F(WorkersTest, TheCapIsThatOfAllWorkersTogether) {
   EXPECT_EQ(more.client.refuse().reason, link::RefuseReason::kFull);
 }
 
-TEST_F(WorkersTest, APortThatAnotherServerSharesIsInUse) {
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2"});
-  const Finished second = run_program({kNve, "serve", "--workers", "2", "--scene",
-                                       scene_path("flat_silicon_oxide"), "--listen", server.address()});
+TEST_F(WorkersTest, APortThatAnotherServerHasIsInUse) {
+  Server server(scene_path("flat_silicon_oxide"));
+  const Finished second =
+      run_program({kNve, "serve", "--scene", scene_path("flat_silicon_oxide"), "--listen", server.address()});
   EXPECT_EQ(second.exit_code, 2);
   EXPECT_NE(second.err.find("in use"), std::string::npos) << second.err;
   EXPECT_EQ(lines_of(second.err).size(), 1u) << second.err;
 }
 
-TEST_F(WorkersTest, OnlyTheThreadsThatServeHaveTheRealTimePriority) {
-  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--rt-priority", "37"});
+TEST_F(WorkersTest, OnlyTheThreadThatServesHasTheRealTimePriority) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--rt-priority", "37"});
   WireStation station(net::parse_address(server.address(), "test"), {});
   ASSERT_TRUE(station.exchange(20, hold(), kPatienceNs));
-  // The first worker tells; the other may have begun to serve before, or not yet.
   ASSERT_TRUE(server.child().wait_for_err(" memory ", kLong)) << server.child().err();
   const std::string said = server.child().err();
   const bool granted = said.find("SCHED_FIFO 37, ") != std::string::npos;
   auto [with, others] = realtime_threads(server.child().pid(), 37);
-  for (int i = 0; granted && with < 2 && i < 500; ++i) {
+  for (int i = 0; granted && with < 1 && i < 500; ++i) {
     std::this_thread::sleep_for(Milliseconds(10));
     std::tie(with, others) = realtime_threads(server.child().pid(), 37);
   }
-  EXPECT_EQ(with, granted ? 2 : 0) << said;
+  EXPECT_EQ(with, granted ? 1 : 0) << said;
   EXPECT_EQ(others, 0);
   EXPECT_NE(granted, said.find("rtprio") != std::string::npos) << said;
   server.stop();

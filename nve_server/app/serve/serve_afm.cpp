@@ -99,7 +99,7 @@ void ServeAfm::add_flags(CLI::App& command) {
       ->type_name("FILE");
 }
 
-void ServeAfm::check(const std::string& scene, const std::string& share, std::size_t workers) const {
+void ServeAfm::check(const std::string& scene, const std::string& share) const {
   if (!wanted()) {
     if (scene.empty())
       throw UserError("serve: --scene is missing: expected a scene file, or --slave nanonis");
@@ -114,8 +114,6 @@ void ServeAfm::check(const std::string& scene, const std::string& share, std::si
   if (afm_.empty()) throw UserError("serve: --afm is missing: expected a file like deploy/afm.toml");
   if (share == "private")
     throw UserError("serve: --share private: an AFM has one tip; omit --share, or give --share one-tip");
-  if (workers > 1)
-    throw UserError("serve: --workers: an AFM has one tip, which one worker serves; omit --workers");
 }
 
 server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bool>& stop,

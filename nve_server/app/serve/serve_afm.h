@@ -29,7 +29,7 @@ class ServeAfm {
   void add_flags(CLI::App& command);
   bool wanted() const noexcept { return slave_ != "nve"; }
   /// Throws UserError for flags that do not go together.
-  void check(const std::string& scene, const std::string& share, std::size_t workers) const;
+  void check(const std::string& scene, const std::string& share) const;
   /// What is served, for the log.
   std::string served(const std::string& scene) const { return wanted() ? "an AFM" : scene; }
   /// Starts the guard and the controller's thread, checks and approaches. Throws UserError, one line.

@@ -224,11 +224,6 @@ void add_admission_flags(CLI::App& command, ServeOptions& options) {
 
 /// How a session is served, from its beginning to its end.
 void add_session_flags(CLI::App& command, ServeOptions& options) {
-  command
-      .add_option("--workers", options.workers,
-                  "Number of serving threads; a station's address and port decide which thread serves it")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 64));
   command.add_flag("--no-scene-sharing", options.no_scene_sharing,
                    "Do not let stations download the scene (description and scan)");
   command
@@ -251,7 +246,7 @@ void add_session_flags(CLI::App& command, ServeOptions& options) {
 void add_latency_flags(CLI::App& command, ServeOptions& options) {
   CLI::Option* const busy_poll =
       command.add_flag("--busy-poll", options.busy_poll,
-                       "Spin instead of sleeping: the lowest latency, but each worker keeps one core busy");
+                       "Spin instead of sleeping: the lowest latency, but keeps one core busy");
   // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
   command
       .add_option(

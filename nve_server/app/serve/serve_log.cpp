@@ -24,9 +24,8 @@ std::string buffer_text(std::size_t granted) {
 
 void log_served(spdlog::logger& log, const ServeOptions& options, const Workers& workers,
                 const std::vector<server::ServedScene>& scenes, bool one_tip) {
-  log.info("serving {} on {}{}{}{}", names_of(options), net::to_string(workers.local()),
-           options.security.is_secure() ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
-           options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
+  log.info("serving {} on {}{}{}", names_of(options), net::to_string(workers.local()),
+           options.security.is_secure() ? ", encrypted" : "", one_tip ? ", one tip for all" : "");
   for (const server::ServedScene& one : scenes) {
     if (one.to_fetch)
       log.info("stations may fetch the scene: {} bytes, {:016x}", one.to_fetch->offer.bytes,
@@ -47,10 +46,8 @@ void log_stopped(spdlog::logger& log, const Workers& workers, bool secure) {
     drops +=
         std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " + std::to_string(dropped[cause]);
   }
-  log.info("stopped: {} exchanges in {} sessions ({} resumed{}); dropped: {}", counters.exchanges,
-           counters.opened, counters.resumed,
-           counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
-           drops.empty() ? "none" : drops);
+  log.info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", counters.exchanges,
+           counters.opened, counters.resumed, drops.empty() ? "none" : drops);
   if (counters.scene_chunks > 0) log.info("{} pieces of the scene were fetched", counters.scene_chunks);
   if (counters.deferred > 0 || counters.cut > 0)
     log.info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",

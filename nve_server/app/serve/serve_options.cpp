@@ -49,12 +49,11 @@ std::string names_of(const ServeOptions& options) {
 
 WorkersConfig checked_workers(ServeOptions& options) {
   check_several(options);
-  options.afm.check(options.scene(), options.share, options.workers);
+  options.afm.check(options.scene(), options.share);
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   std::optional<LocalUserList> local_users = local_users_of(options);
-  WorkersConfig config{address, options.workers, options.max_sessions, options.busy_poll,
-                       options.realtime_priority};
+  WorkersConfig config{address, options.max_sessions, options.busy_poll, options.realtime_priority};
   config.sessions_per_peer =
       options.sessions_per_peer.value_or(default_sessions_per_peer(options.max_sessions));
   if (!options.local_rights.empty()) config.local_rights = *net::parse_rights(options.local_rights);

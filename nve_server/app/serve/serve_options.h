@@ -24,7 +24,6 @@ struct ServeOptions {
   int resume_s = 30;
   bool no_scene_sharing = false;
   std::string share;  // left out: as the scene's slave must be, else private
-  std::size_t workers = 1;
   bool busy_poll = false;
   bool low_latency = false;
   int realtime_priority = 0;

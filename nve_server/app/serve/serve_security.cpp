@@ -56,14 +56,11 @@ void ServeSecurity::check(const std::string& listen, bool loopback) const {
   }
 }
 
-std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessions, const Place& place,
-                                                          net::Datagram& wire, const rt::Clock& clock) const {
+std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessions, net::Datagram& wire,
+                                                          const rt::Clock& clock) const {
   security::DtlsServerConfig config;
   if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
   config.capacity = capacity(max_sessions);
-  config.resumption = place.resumption;
-  config.worker = static_cast<std::uint8_t>(place.worker);
-  config.connection_ids = place.connection_ids;
   const std::string identity = security::server_identity_path(key_list_path());
   std::error_code none;
   if (certificate.empty() && std::filesystem::exists(identity, none)) config.identity = identity;

@@ -31,15 +31,9 @@ struct ServeSecurity {
   /// Associations at once: for those under way too, and for stations that have come back from another
   /// address. That the server is full is the session's word, which says so.
   static std::size_t capacity(std::size_t max_sessions) noexcept { return 2 * max_sessions + 16; }
-  /// What of several that serve one port is one's own, and what is shared.
-  struct Place {
-    std::size_t worker = 0;
-    bool connection_ids = true;  ///< see security::DtlsServerConfig
-    std::shared_ptr<security::ResumptionCache> resumption;
-  };
   /// Throws UserError for files that do not serve.
-  std::unique_ptr<security::DtlsServer> make(std::size_t max_sessions, const Place& place,
-                                             net::Datagram& wire, const rt::Clock& clock) const;
+  std::unique_ptr<security::DtlsServer> make(std::size_t max_sessions, net::Datagram& wire,
+                                             const rt::Clock& clock) const;
 };
 
 /// "handshakes 3, failed handshakes 1, forged 12": what is not zero.

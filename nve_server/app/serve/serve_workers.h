@@ -17,60 +17,52 @@
 #include "telenano/nve_server/app/serve/serve_security.h"
 #include "telenano/nve_server/app/serve/server_signals.h"
 #include "telenano/nve_server/server/server_loop.h"
-#include "telenano/nve_server/server/session_cap.h"
-#include "telenano/nve_server/server/worker_mail.h"
 
 namespace telenano::app {
 
 struct WorkersConfig {
   net::Address listen;
-  std::size_t workers = 1;
-  std::size_t max_sessions = 64;  ///< of all together
+  std::size_t max_sessions = 64;
   bool busy_poll = false;
   int realtime_priority = 0;                         ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
   std::size_t sessions_per_peer = 64;                ///< of one key, or in the clear of one IP address
   net::Rights local_rights = net::Rights::kOperate;  ///< of who shows no key
   std::optional<LocalUserList> local_users{};  ///< who may come in without a key; left out: all local users
-  bool audit = false;                          ///< each worker leaves events in a queue
+  bool audit = false;                          ///< events are left in a queue
 };
 
 /// A quarter of all, so that no key keeps the others out; at least 4: a station that is restarted leaves one
 /// behind for a while.
 std::size_t default_sessions_per_peer(std::size_t max_sessions) noexcept;
 
-/// Sums over all workers, each word by itself.
+/// Of the loop, each word by itself.
 struct WorkersStatus {
   std::uint64_t sessions = 0;
   std::uint64_t exchanges = 0;
   std::uint64_t drops = 0;
   std::uint64_t opened = 0;
   std::uint64_t timed_out = 0;
-  std::uint64_t moved = 0;
   std::uint64_t holdings = 0;
 };
 
-/// The threads of `serve`, each with a socket of its own on the same address, its secure end and its server.
-/// The kernel gives each peer to one of them. One worker is what there was before: no shared port, no mail.
+/// The loop of `serve`, with its socket, its secure end and its server.
 class Workers {
  public:
-  /// Opens the sockets: a taken port is the quickest answer. Throws UserError.
+  /// Opens the socket: a taken port is the quickest answer. Throws UserError.
   Workers(const WorkersConfig& config, const rt::Clock& clock);
 
-  /// Then the channels and the servers. `base`: what they have in common. Throws UserError or RunError.
+  /// Then the channel and the server. Throws UserError or RunError.
   void prepare(const ServeSecurity& security, const server::ServerConfig& base,
                const std::vector<server::ServedScene>& scenes);
 
-  /// Serves until `signals.stop`, the first worker in the calling thread; then says goodbye. `told`: what the
-  /// system grants of a realtime_priority, before the first worker begins; threads that the caller starts
-  /// afterwards would have it too.
+  /// Serves until `signals.stop`, in the calling thread; then says goodbye. `told`: what the system grants of a
+  /// realtime_priority, before it begins; threads that the caller starts afterwards would have it too.
   void run(const ServerSignals& signals, const std::function<void(const rt::RealtimeReport&)>& told);
 
-  net::Address local() const noexcept { return workers_.front()->socket.local(); }
-  bool nic_busy_poll() const noexcept { return workers_.front()->socket.busy_poll_ns() > 0; }
+  net::Address local() const noexcept { return worker_->socket.local(); }
+  bool nic_busy_poll() const noexcept { return worker_->socket.busy_poll_ns() > 0; }
   bool set_dscp(int dscp) noexcept;  ///< see net::Udp
-  std::size_t receive_buffer_bytes() const noexcept {
-    return workers_.front()->socket.receive_buffer_bytes();
-  }
+  std::size_t receive_buffer_bytes() const noexcept { return worker_->socket.receive_buffer_bytes(); }
   std::vector<security::DtlsServer*> channels() const;
   std::vector<const server::LoopStatus*> loops() const;
   const std::shared_ptr<security::GrantNames>& grant_names() const noexcept { return grant_names_; }
@@ -94,16 +86,11 @@ class Workers {
     std::optional<server::Server> server;
     server::LoopStatus status;
   };
-  void serve(Worker& worker, const ServerSignals& signals);
 
   WorkersConfig config_;
   const rt::Clock& clock_;
-  server::SessionCap cap_;
-  link::PartyCounts parties_;
-  server::WorkerMail mail_;
-  std::vector<std::unique_ptr<Worker>> workers_;
+  std::unique_ptr<Worker> worker_;
   std::shared_ptr<security::GrantNames> grant_names_ = std::make_shared<security::GrantNames>();
-  bool steered_ = true;  // does the kernel give a datagram to the worker that it names?
 };
 
 }  // namespace telenano::app

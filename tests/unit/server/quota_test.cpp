@@ -4,7 +4,6 @@
 #include <optional>
 
 #include "spring_slave.h"
-#include "telenano/nve_server/server/token_search.h"
 #include "virtual_session.h"
 
 namespace telenano::server {
@@ -191,72 +190,6 @@ TEST(Quota, AKeyThatOpensAndEndsDoesNotUseUpTheOthersRate) {
   EXPECT_EQ(others, 10);
 }
 
-TEST(Quota, IsThatOfAllWorkersTogether) {
-  WorkerMail mail(2);
-  SessionCap cap(16);
-  link::PartyCounts parties;
-  std::vector<std::unique_ptr<Server>> servers;
-  for (std::size_t i = 0; i < 2; ++i) {
-    ServerConfig config = test_config();
-    config.table.capacity = 16;
-    config.table.per_party = 3;
-    config.table.parties = &parties;
-    config.mail = &mail;
-    config.worker = i;
-    config.cap = &cap;
-    servers.push_back(std::make_unique<Server>(config, spring_scene()));
-  }
-  link::Codec codec;
-  link::Incoming answer;
-  std::array<std::uint8_t, link::kMaxDatagramBytes> in{}, out{};
-  net::Address from;
-  const auto ask = [&](const auto& message, std::size_t worker) {
-    const std::size_t n = codec.encode(message, in);
-    const std::size_t m =
-        servers[worker]->on_datagram({in.data(), n}, from, kSecond, out, nullptr, kObserver);
-    answer = {};
-    if (m > 0) codec.decode({out.data(), m}, answer);
-    return answer.type;
-  };
-  link::Hello h;
-  h.version_min = h.version_max = link::kProtocolVersion;
-  h.rate_hz = 1000;
-  std::vector<link::Welcome> welcomes;
-  for (std::uint16_t i = 0; i < 12; ++i) {
-    from.port = static_cast<std::uint16_t>(1 + i);
-    h.nonce = from.port;
-    if (ask(h, i % 2) == MessageType::kWelcome) welcomes.push_back(answer.welcome);
-  }
-  ASSERT_EQ(welcomes.size(), 3u);
-  // One moves to the other worker: it counts once, as before.
-  link::Hello back = h;
-  back.nonce = 100;
-  from.port = 100;
-  back.resume_token = welcomes[0].resume_token;  // worker 0's
-  ask(back, 1);
-  for (int i = 0; i < 3; ++i) {
-    servers[0]->exchange_mail();
-    servers[1]->exchange_mail();
-  }
-  net::Address to;
-  EXPECT_GT(servers[1]->next_answer(kSecond, out, to), 0u);
-  EXPECT_EQ(servers[1]->counters().moved_in, 1u);
-  EXPECT_EQ(servers[0]->sessions().active() + servers[1]->sessions().active(), 3u);
-  for (std::uint16_t i = 0; i < 4; ++i) {
-    from.port = static_cast<std::uint16_t>(200 + i);
-    h.nonce = from.port;
-    EXPECT_EQ(ask(h, i % 2), MessageType::kRefuse);
-  }
-  // Each of the three ends: then there are three places again.
-  for (const std::size_t worker : {0u, 1u}) {
-    for (int i = 0; i < 3; ++i) servers[worker]->next_bye(kSecond, out, to);
-  }
-  for (const link::Welcome& w : welcomes) EXPECT_NE(w.session_id, 0u);
-  std::size_t held = 0;
-  for (std::uint64_t p = 0; p < link::PartyCounts::kCounters; ++p) held += parties.count(p);
-  EXPECT_EQ(held, 0u);
-}
-
 /// Exchanges of 100 µs: eight sessions of 1 kHz are 80 % of the loop's time.
 TEST(Admission, IsByRateTimesWhatAnExchangeTakes) {
   ServerConfig config = test_config();
@@ -344,38 +277,6 @@ TEST(Rate, WhatAStallHasKeptBackIsAnswered) {
   sender.session.link.path_a_to_b().delay_ns = 0;
   sender.session.ticks(1500);
   EXPECT_EQ(server.drops()[link::DropCause::kRateLimited], 0u);
-}
-
-/// Who shows one token of nobody's after the other: no one answers in time, and another one still can ask.
-TEST(TokenSearch, OnePartyHasThreeQuartersOfTheQuestions) {
-  WorkerMail mail(2);
-  TokenSearch search(&mail, 0);
-  net::Address from;
-  link::Hello hello;
-  std::size_t free_places = 1000;
-  const auto ask = [&](const net::Standing& standing, std::uint8_t host) {
-    from.ip[15] = host;
-    ++from.port;
-    hello.nonce = hello.resume_token = from.port;
-    return search.ask(hello, from, standing, free_places, kSecond);
-  };
-  struct Case {
-    net::Standing insider;
-    std::size_t free_places, most;
-  };
-  const std::size_t all = 3 * WorkerMail::kOpenQuestions / 4;
-  for (const auto& [insider, free, most] : {Case{kOperator, 1000, all}, Case{net::Standing{}, 1000, all},
-                                            Case{kOperator, 8, 6}, Case{net::Standing{}, 1, 1}}) {
-    free_places = free;
-    std::size_t asked = 0;
-    while (asked < 100 && ask(insider, 1) == link::DropCause::kNone) ++asked;
-    EXPECT_EQ(asked, most);
-    EXPECT_EQ(ask(insider, 1), link::DropCause::kRateLimited);
-    EXPECT_EQ(ask(kObserver, 1), link::DropCause::kNone) << "another key";
-    EXPECT_EQ(ask({}, 2), link::DropCause::kNone) << "another address";
-    search.forget_old(kSecond + TokenSearch::kPatienceNs + 1);
-    EXPECT_FALSE(search.waits());
-  }
 }
 
 }  // namespace
