@@ -59,14 +59,15 @@ void fit_to_screen(GLFWwindow* window) {
                           static_cast<int>(times * kLeastHeight_px), GLFW_DONT_CARE, GLFW_DONT_CARE);
 }
 
+bool is_set(const char* name) noexcept {
+  const char* const value = std::getenv(name);
+  return value != nullptr && *value != 0;
+}
+
 }  // namespace
 
 bool has_display() noexcept {
-  const auto set = [](const char* name) {
-    const char* const value = std::getenv(name);
-    return value != nullptr && *value != 0;
-  };
-  return set("DISPLAY") || set("WAYLAND_DISPLAY");
+  return is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
 }
 
 void try_window() {
@@ -76,6 +77,10 @@ void try_window() {
 GlfwWindow::GlfwWindow(bool visible) {
   std::vector<int> before = rt::threads_now();
   glfwSetErrorCallback([](int, const char* text) { last_error() = text; });
+#ifdef GLFW_PLATFORM
+  // From 3.4 on GLFW would take a Wayland first, and where DISPLAY is wrong not say so.
+  if (is_set("DISPLAY")) glfwInitHint(GLFW_PLATFORM, GLFW_PLATFORM_X11);
+#endif
   if (glfwInit() == GLFW_FALSE) refuse();
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
