@@ -2,6 +2,7 @@
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
+#include <imgui_internal.h>
 
 #include <array>
 #include <utility>
@@ -106,6 +107,12 @@ bool key_down(int key) {
   const ImGuiKey one = named(key);
   return one != ImGuiKey_None && ImGui::IsKeyDown(one);
 }
+
+// From 1.89 on Enter presses what has the focus, as Space does.
+void press_nothing() {
+  ImGuiContext& context = *ImGui::GetCurrentContext();
+  context.NavActivateId = context.NavActivateDownId = context.NavActivatePressedId = 0;
+}
 #else
 // As its input from a window does; a picture without a window has none.
 void begin_keys() {
@@ -113,6 +120,7 @@ void begin_keys() {
   io.KeyMap[ImGuiKey_Tab] = GLFW_KEY_TAB;
   io.KeyMap[ImGuiKey_Space] = GLFW_KEY_SPACE;
   io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
+  io.KeyMap[ImGuiKey_UpArrow] = GLFW_KEY_UP;
 }
 
 void set_key(int key, bool down) {
@@ -138,6 +146,8 @@ bool key_pressed(int key, bool again) {
 bool key_down(int key) {
   return ImGui::IsKeyDown(key);
 }
+
+void press_nothing() {}
 #endif
 
 }  // namespace telenano::viewer

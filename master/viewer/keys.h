@@ -18,6 +18,8 @@ void set_mouse_button(int button, bool down);
 /// In this frame. `again`: also as often as a held key repeats.
 bool key_pressed(int key, bool again = false);
 bool key_down(int key);
+/// The widget that has the focus does not hear Enter in this frame.
+void press_nothing();
 
 /// Of ImGuiIO::KeyMods.
 #if IMGUI_VERSION_NUM >= 18900

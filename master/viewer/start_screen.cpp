@@ -235,7 +235,8 @@ void StartScreen::draw_end(const StartFacts& facts) {
   ImGui::Separator();
 }
 
-StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_model::StartChoice& choice) {
+StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_model::StartChoice& choice,
+                                         bool enter) {
   Wish wish = Wish::kNone;
   const float s = gui_.scale();
   // As the fields are now: a letter of this very frame counts.
@@ -254,10 +255,6 @@ StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_mod
   if (first_) ImGui::SetKeyboardFocusHere();
   const bool pressed =
       ImGui::Button(facts.last_text.empty() ? "Start  (Enter)" : "Again  (Enter)", {200 * s, 40 * s});
-  // Enter begins whatever has the focus, but for a field that is written in, which asks the server.
-  const bool enter = !ImGui::GetIO().WantTextInput &&
-                     !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&
-                     key_pressed(GLFW_KEY_ENTER);
   if ((pressed || enter) && field.empty()) wish = Wish::kStart;
   ImGui::PopStyleColor(3);
   ImGui::PopFont();
@@ -288,6 +285,11 @@ StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFact
   ImGui::Begin("start", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoCollapse);
+  // Enter begins whatever has the focus, but for a field that is written in, which asks the server.
+  const bool enter = !ImGui::GetIO().WantTextInput &&
+                     !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&
+                     key_pressed(GLFW_KEY_ENTER);
+  if (enter) press_nothing();
   ImGui::PushFont(gui_.large());
   ImGui::TextUnformatted("Telenano");
   ImGui::PopFont();
@@ -305,7 +307,7 @@ StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFact
   ImGui::EndChild();
   const float foot_from = ImGui::GetCursorPosY();
   ImGui::Separator();
-  const Wish foot = draw_foot(facts, choice);
+  const Wish foot = draw_foot(facts, choice, enter);
   if (foot != Wish::kNone) wish = foot;
   foot_px_ = ImGui::GetCursorPosY() - foot_from + ImGui::GetStyle().ItemSpacing.y;
   ImGui::End();

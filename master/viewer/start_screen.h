@@ -60,7 +60,7 @@ class StartScreen {
   void draw_hands(const StartFacts& facts, view_model::StartChoice& choice);
   void draw_plan(const StartFacts& facts, const view_model::StartChoice& choice);
   void draw_end(const StartFacts& facts);
-  Wish draw_foot(const StartFacts& facts, const view_model::StartChoice& choice);
+  Wish draw_foot(const StartFacts& facts, const view_model::StartChoice& choice, bool enter);
   Wish draw_keys(view_model::StartChoice& choice);
   void draw_recording(view_model::StartChoice& choice);
   void tell_fault(const std::string& fault) const;

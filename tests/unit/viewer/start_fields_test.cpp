@@ -128,6 +128,28 @@ TEST_F(StartFields, HoweverLongTheTextsAreTheSessionsButtonsStayInSight) {
   }
 }
 
+// Dear ImGui from 1.89 on presses by Enter what has the focus: the box beside the recording would be cleared.
+TEST_F(StartFields, EnterBeginsAndPressesNothingElse) {
+  choice_.server = "127.0.0.1:5100";
+  choice_.record = false;
+  StartScreen screen(1);
+  const auto press = [&](int key) {
+    set_key(key, true);
+    const StartScreen::Wish wish = draw(screen, 1280, 800);
+    set_key(key, false);
+    draw(screen, 1280, 800);
+    return wish;
+  };
+  for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
+  press(GLFW_KEY_UP);
+  press(GLFW_KEY_SPACE);
+  EXPECT_TRUE(choice_.record) << "the box, which is above Start";
+  EXPECT_EQ(press(GLFW_KEY_ENTER), StartScreen::Wish::kStart) << text_;
+  EXPECT_TRUE(choice_.record);
+  press(GLFW_KEY_SPACE);
+  EXPECT_FALSE(choice_.record) << "and it has the focus still";
+}
+
 TEST_F(StartFields, WhatIsTypedIsKeptHoweverMuchItIs) {
   StartScreen screen(1);
   for (int i = 0; i < 3; ++i) draw(screen, 1280, 800);
