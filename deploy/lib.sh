@@ -13,7 +13,7 @@ build_packages=(g++ cmake ninja-build pkg-config git ca-certificates libboost-de
 test_packages=(python3 python3-h5py python3-protobuf python3-yaml xvfb xauth x11-xserver-utils xdotool dpkg-dev file strace)
 # The layout is checked by one version alone, which Debian 12 has: elsewhere that test is skipped.
 layout_packages=()
-! grep -qs '^VERSION_CODENAME=bookworm' /etc/os-release || layout_packages=(clang-format-14)
+[[ ! -r /etc/os-release || $(</etc/os-release) != *VERSION_CODENAME=bookworm* ]] || layout_packages=(clang-format-14)
 
 install_missing() {
   local missing=() p
