@@ -25,7 +25,10 @@ constexpr std::size_t kTold = 280;
 // However long: what was typed is nowhere cut but on the screen.
 bool edit(const char* id, const char* hint, std::string& text, bool enter = false) {
   const int flags = enter ? ImGuiInputTextFlags_EnterReturnsTrue : ImGuiInputTextFlags_None;
-  return ImGui::InputTextWithHint(id, hint, &text, flags);
+  ImGui::PushAllowKeyboardFocus(true);
+  const bool entered = ImGui::InputTextWithHint(id, hint, &text, flags);
+  ImGui::PopAllowKeyboardFocus();
+  return entered;
 }
 
 void quiet(const char* text) {
@@ -290,6 +293,8 @@ StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFact
                      !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&
                      key_pressed(GLFW_KEY_ENTER);
   if (enter) press_nothing();
+  // Tab goes from field to field; from 1.89 on Dear ImGui would stop at every button between them.
+  ImGui::PushAllowKeyboardFocus(false);
   ImGui::PushFont(gui_.large());
   ImGui::TextUnformatted("Telenano");
   ImGui::PopFont();
@@ -310,6 +315,7 @@ StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFact
   const Wish foot = draw_foot(facts, choice, enter);
   if (foot != Wish::kNone) wish = foot;
   foot_px_ = ImGui::GetCursorPosY() - foot_from + ImGui::GetStyle().ItemSpacing.y;
+  ImGui::PopAllowKeyboardFocus();
   ImGui::End();
   first_ = false;
   ImGui::Render();
