@@ -152,7 +152,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"hidapi", {"master/device/hid/hidapi_"}},
     {"systemd/", {"nve_server/app/serve/service_notify"}},
     {"CLI/", {"common/config/program", "common/config/completion", "master/app/", "nve_server/app/"}},
-    {"GLFW", {"master/viewer/playback_bar", "master/viewer/window", "master/viewer/viewer_input"}},
+    {"GLFW", {"master/viewer/"}},
     {"epoxy/", {"master/viewer/gl", "master/viewer/offscreen", "master/viewer/window"}},
     {"imgui", {"master/viewer/"}},
     {"backends/imgui", {"master/viewer/"}},
