@@ -182,7 +182,8 @@ class StationAtThePythonServer(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIsNone(serving.error)
         self.assertGreater(len(serving.server.accepted), 300, "the session went on")
-        return asked, [line for line in done.stderr.splitlines() if "scene" in line and line.startswith("note")], done.stderr
+        warnings = [line for line in done.stderr.splitlines() if "scene" in line and line.startswith("telenano-master: warning:")]
+        return asked, warnings, done.stderr
 
     def test_the_station_fetches_the_scene_once_and_records_it(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -227,10 +228,10 @@ class StationAtThePythonServer(unittest.TestCase):
                 serving = Serving(self)
                 serving.server = Liar(bundle=bundle)
                 serving.server.lie = lie
-                _, notes, said = self.fetching(serving, folder)
-                self.assertEqual(len(notes), 1, said)
-                self.assertIn(words, notes[0])
-                self.assertIn("the session goes on without", notes[0])
+                _, warnings, said = self.fetching(serving, folder)
+                self.assertEqual(len(warnings), 1, said)
+                self.assertIn(words, warnings[0])
+                self.assertIn("the session goes on without", warnings[0])
             self.assertEqual(list(pathlib.Path(folder).rglob("*.scene")), [])
 
     def test_refusals_end_the_program_with_one_line(self):
