@@ -139,8 +139,7 @@ struct DtlsServer::Impl {
       return;
     }
     std::unique_ptr<const KeyList> former = access.adopt(std::unique_ptr<const KeyList>(fresh));
-    // A resumed session would not show its key again. What another worker has agreed on under the new list
-    // stays: not all adopt it at the same moment.
+    // A resumed session would not show its key again. What was agreed on under this list stays.
     resume_under(context.get(), listener->ssl(), access.list_name());
     config.resumption->forget_others(access.list_name());
     for (std::size_t place = 0; place < peers.size(); ++place) {

@@ -16,8 +16,8 @@
 namespace telenano::app {
 
 /// Looks once a second, from a thread of its own, whether the list of keys has changed or one of them has
-/// expired (by the machine's calendar), and gives the server what is in force (each of its workers): a key
-/// that is revoked or expires ends its sessions while the server runs. A list that cannot be read changes
+/// expired (by the machine's calendar), and gives the server what is in force: a key that is revoked or
+/// expires ends its sessions while the server runs. A list that cannot be read changes
 /// nothing; `warn` is told, once, as of each key's end and seven days before it.
 class KeyWatcher {
  public:

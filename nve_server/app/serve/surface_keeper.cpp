@@ -90,7 +90,7 @@ class SurfaceKeeper::KeptSlave final : public slave::Slave {
     slave_->step(input, dt_s, output);
   }
   const slave::SlaveLimits& limits() const noexcept override { return slave_->limits(); }
-  // So that a station may have its twin, and another server the session.
+  // So that a station may have its twin.
   std::uint64_t state_hash() const noexcept override { return slave_->state_hash(); }
   std::size_t save(std::span<std::uint8_t> out) const noexcept override { return slave_->save(out); }
   /// A slave that has been loaded is another session for the keeper, with a file of its own: its journal hears
@@ -158,7 +158,7 @@ std::shared_ptr<SurfaceKeeper::Kept> SurfaceKeeper::begin(const slave::NveSlave&
                                                           const std::shared_ptr<Kept>& instead) {
   auto kept = std::make_shared<Kept>();
   kept->number = instead ? instead->number : ++numbers_;
-  // Marks that it begins with are in no queue, nor has it counted them: they came with a checkpoint.
+  // Marks that it begins with are in no queue, nor has it counted them: they came with a loaded state.
   if (slave.marked_surface()->marked()) {
     kept->surface = std::make_unique<physics::SplineSurface>(*slave.marked_surface());
     kept->changed = true;

@@ -38,8 +38,8 @@ TEST(Station, ALostAndNewSessionIsHeldAndResumed) {
   EXPECT_NEAR(rig.force_n(), 1, 1e-12);
 }
 
-/// A session that is taken up from a checkpoint: its tip is where the hand was some steps ago, and comes back by the
-/// log. Where no log goes on, the tip's own place counts.
+/// A session that is resumed: its tip is where the hand was some steps ago, and comes back by the log. Where no log
+/// goes on, the tip's own place counts.
 TEST(Station, ALogThatGoesOnIsTheAnchorAndNotWhereTheServerHasGotTo) {
   struct Case {
     const char* what;
